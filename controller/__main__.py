@@ -79,13 +79,13 @@ class Commands(TyperGroup):
 
     def make_context(self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any) -> Any:
         self._language = help_texts.language(args)
-        with usage_errors.told_in(self._language):
+        with usage_errors.in_language(self._language):
             return super().make_context(info_name, args, parent, **extra)
 
     def invoke(self, ctx: Any) -> Any:
         """A command that is ended by Ctrl-C ends so with every typer that there is."""
         try:
-            with usage_errors.told_in(self._language):
+            with usage_errors.in_language(self._language):
                 return super().invoke(ctx)
         except KeyboardInterrupt:
             raise typer.Exit(ENDED_CODE) from None
@@ -167,7 +167,7 @@ def main() -> NoReturn:
         sys.exit(internal_error.end(error, as_json))
     if code == ENDED_CODE:
         words = ended_words()
-        print(json.dumps({"ok": False, "error": words}) if as_json else words, file=_spoken(as_json))
+        print(json.dumps({"ok": False, "error": words}) if as_json else words, file=_output_stream(as_json))
     sys.exit(code)
 
 
@@ -178,10 +178,10 @@ def ended_words() -> str:
 
 def _text(key: str, **values: object) -> str:
     """Outside of a verb, in the language of this command line."""
-    return messages.text(messages.said(key, **values), help_texts.language())
+    return messages.text(messages.message(key, **values), help_texts.language())
 
 
-def _spoken(as_json: bool) -> TextIO:
+def _output_stream(as_json: bool) -> TextIO:
     return sys.stdout if as_json else sys.stderr
 
 

@@ -13,7 +13,7 @@ from typing import Any
 from urllib.parse import quote
 
 from controller import own_files
-from drives.texts import said
+from drives.texts import message
 
 BESIDE = ("-wal", "-shm")
 WAIT_S = 10.0  # for another process to end its transaction; all of them are short
@@ -71,7 +71,7 @@ def _connected(file: Path, facts: os.stat_result, at: int) -> sqlite3.Connection
         opened_as = sql.execute("PRAGMA database_list").fetchone()[2]
         now = _stat(file.name, at)
         if opened_as != str(real) or (now.st_dev, now.st_ino) != (facts.st_dev, facts.st_ino):
-            raise own_files.refusal(errno.ELOOP, said("own_file.exchanged"), file)
+            raise own_files.refusal(errno.ELOOP, message("own_file.exchanged"), file)
         sql.execute("PRAGMA journal_mode = WAL")
         sql.execute("PRAGMA synchronous = FULL")  # what was said to be kept stays so after a power loss
         sql.execute("PRAGMA trusted_schema = OFF")

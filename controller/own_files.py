@@ -25,7 +25,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from drives.texts import Said, english, said
+from drives.texts import Message, english, message
 
 MODE = 0o644  # less the umask: the group reads
 LONGEST_ASIDE = 100  # names of what could not be read
@@ -33,7 +33,7 @@ FLAGS = os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC  # a pipe that nobody write
 _FOLDER = os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC
 
 
-def refusal(code: int, why: Said, path: Path) -> OSError:
+def refusal(code: int, why: Message, path: Path) -> OSError:
     """An error of the kind that its number has, with a text of its own."""
     error = OSError(code, english(why), str(path))
     vars(error)["said"] = why
@@ -62,7 +62,7 @@ def folder(path: Path, within: Path | None = None, make: bool = False) -> Iterat
 
 def _inner(at: int, part: str, path: Path, make: bool) -> int:
     if part == os.pardir:
-        raise refusal(errno.EINVAL, said("own_file.leads_out"), path)
+        raise refusal(errno.EINVAL, message("own_file.leads_out"), path)
     if make:
         with contextlib.suppress(FileExistsError):
             os.mkdir(part, dir_fd=at)
@@ -70,7 +70,7 @@ def _inner(at: int, part: str, path: Path, make: bool) -> int:
         inner = os.open(part, _FOLDER | os.O_NOFOLLOW, dir_fd=at)
     except OSError as error:
         if error.errno in (errno.ELOOP, errno.ENOTDIR):
-            raise refusal(error.errno, said("own_file.link", name=part), path) from error
+            raise refusal(error.errno, message("own_file.link", name=part), path) from error
         raise
     if make:
         give(inner, at)
@@ -96,7 +96,7 @@ def make_private(path: Path) -> Path:
     with folder(path, path.parent) as at:
         facts = os.fstat(at)
     if facts.st_uid not in (0, os.geteuid()) or facts.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
-        raise refusal(errno.EPERM, said("own_file.of_others"), path)
+        raise refusal(errno.EPERM, message("own_file.of_others"), path)
     return path
 
 
@@ -152,11 +152,11 @@ def see(facts: os.stat_result, file: Path, owner: int | None, alone: bool) -> No
     ``owner``: of the state folder; None: it may belong to anybody.
     """
     if not stat.S_ISREG(facts.st_mode):
-        raise refusal(errno.EINVAL, said("own_file.not_regular"), file)
+        raise refusal(errno.EINVAL, message("own_file.not_regular"), file)
     if alone and facts.st_nlink > 1:
-        raise refusal(errno.EMLINK, said("own_file.second_name"), file)
+        raise refusal(errno.EMLINK, message("own_file.second_name"), file)
     if owner is not None and facts.st_uid not in (0, os.geteuid(), owner):
-        raise refusal(errno.EPERM, said("own_file.of_user", user=facts.st_uid), file)
+        raise refusal(errno.EPERM, message("own_file.of_user", user=facts.st_uid), file)
 
 
 def read_bytes(file: Path, within: Path | None = None, shared: bool = False) -> bytes:

@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from controller import atomic_file, own_files
-from controller.messages import TextError, said
+from controller.messages import TextError, message
 
 SEAL, VALUE = "seal", "value"  # VALUE: of what is no JSON object
 SUM = "sum"  # of a line
@@ -83,13 +83,13 @@ def read(
     values, seal = _parted(file, name, within, shared, older)
     if seal is None:
         if _must_have_one(file):
-            raise Damaged(said("sealed.none"))
+            raise Damaged(message("sealed.none"))
         return values
     earlier = None
     with contextlib.suppress(*UNREADABLE):
         earlier = _parted(before(file))[1]
     if earlier is not None and earlier["generation"] > seal["generation"]:
-        raise Damaged(said("sealed.older"))
+        raise Damaged(message("sealed.older"))
     return values
 
 
@@ -127,12 +127,12 @@ def _of_line(text: bytes | str, file: Path | None, number: int) -> dict[str, Any
     try:
         whole = dict(json.loads(text))
     except (ValueError, TypeError, RecursionError) as error:
-        raise Damaged(said("sealed.unread", why=str(error))) from error
+        raise Damaged(message("sealed.unread", why=str(error))) from error
     found = whole.pop(SUM, None)
     if found is None and (file is None or _must_have_one(file)):
-        raise Damaged(said("sealed.none"))
+        raise Damaged(message("sealed.none"))
     if found is not None and found != _sum("", number, 0, whole):
-        raise Damaged(said("sealed.other"))
+        raise Damaged(message("sealed.other"))
     return whole
 
 
@@ -180,10 +180,10 @@ def _parted(
         data = own_files.read_text(file, within, shared)
         whole = json.loads(data)
     except (ValueError, RecursionError) as error:
-        raise Damaged(said("sealed.unread", why=str(error))) from error
+        raise Damaged(message("sealed.unread", why=str(error))) from error
     if not isinstance(whole, dict) or SEAL not in whole:
         if not data.startswith(older) or _has_a_damaged_seal(whole):
-            raise Damaged(said("sealed.none"))
+            raise Damaged(message("sealed.none"))
         return whole, None
     seal = whole.pop(SEAL)
     values = whole[VALUE] if whole.keys() == {VALUE} else whole
@@ -192,7 +192,7 @@ def _parted(
     except (KeyError, TypeError):
         fits = False
     if not fits:
-        raise Damaged(said("sealed.other"))
+        raise Damaged(message("sealed.other"))
     return values, seal
 
 

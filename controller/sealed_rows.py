@@ -18,7 +18,7 @@ from collections.abc import Iterable
 
 TABLE = "sums"
 LENGTH = 16  # digits of a sum
-MOST_WORDS = 3  # of SQLite about a broken file
+MAX_WORDS = 3  # of SQLite about a broken file
 SCHEMA = -1  # instead of a row's number: of how the table was made
 Row = tuple[str, int]  # name of its table, and its number there
 
@@ -107,7 +107,7 @@ def broken(sql: sqlite3.Connection) -> list[str]:
     ``PRAGMA integrity_check``: the quick one does not hold indexes against their tables, and who asks by an
     index would be given another row.
     """
-    return [str(row[0]) for row in sql.execute(f"PRAGMA integrity_check({MOST_WORDS})") if row[0] != "ok"]
+    return [str(row[0]) for row in sql.execute(f"PRAGMA integrity_check({MAX_WORDS})") if row[0] != "ok"]
 
 
 def index_anew(sql: sqlite3.Connection) -> None:

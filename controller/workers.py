@@ -35,7 +35,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from controller import one_thread
-from controller.messages import said, text
+from controller.messages import message, text
 
 if TYPE_CHECKING:  # imported where there are workers: most of the work is done here
     from concurrent.futures import Future, ProcessPoolExecutor
@@ -55,7 +55,7 @@ class WorkersLost(Exception):
     """Workers die as soon as they begin, or there are none: ``said`` in full."""
 
     def __init__(self, key: str, **values: object) -> None:
-        self.said = said(f"workers.{key}", **values)
+        self.said = message(f"workers.{key}", **values)
         super().__init__(text(self.said))
 
 

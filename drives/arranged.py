@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from drives.texts import Said
+from drives.texts import Message
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,7 +18,7 @@ class Arranged:
     stop_counts_s2: float = 0.0  # deceleration of its own stops; 0 = it does not tell
     stop_s: float = 0.0  # of such a stop from the axis' largest speed; 0 = no limits were given
     objects: tuple[tuple[str, int], ...] = ()  # as read back: ("6085h:00", 4000)
-    notes: tuple[Said, ...] = ()  # for everything that is not as it should be
+    notes: tuple[Message, ...] = ()  # for everything that is not as it should be
 
     @property
     def velocity_units(self) -> float:

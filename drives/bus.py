@@ -24,7 +24,7 @@ from drives.ports.can_socket import CanSocket, kernel_filters, open_socket
 from drives.ports.port import Buffer, BusError, FrameSocket, HubSocket, Port
 from drives.ports.slcan_port import SlcanPort, open_serial
 from drives.settings import BusSettings
-from drives.texts import said
+from drives.texts import message
 
 if TYPE_CHECKING:
     import can
@@ -75,7 +75,7 @@ class AdapterSocket:
         self._message = can.Message
         self._refusals = (can.CanError, OSError)
         self._everything = any(not mask for _, mask in filters)
-        self._wanted = _ALL_STANDARD if self._everything else _wanted_of(filters)
+        self._wanted = _ALL_STANDARD if self._everything else _accepted_identifiers(filters)
 
     def fileno(self) -> int:
         """The adapter's descriptor, or -1 where it has none to wait on."""
@@ -116,7 +116,7 @@ class AdapterSocket:
                 wanted = self._everything or message.is_error_frame
             if wanted:
                 data = bytes(message.data)
-                if _tells_of_an_overflow(can_id, data):
+                if _is_receive_overflow(can_id, data):
                     self.overflows += 1
                     continue
                 pdo.FRAME.pack_into(buffer, 0, can_id, message.dlc, data)
@@ -135,12 +135,12 @@ def _flagged_id(message: can.Message) -> int:
     return int(message.arbitration_id | flags | pdo.ERROR_FLAG * message.is_error_frame)
 
 
-def _wanted_of(filters: Sequence[tuple[int, int]]) -> bytes:
+def _accepted_identifiers(filters: Sequence[tuple[int, int]]) -> bytes:
     """For each identifier of 11 bits 1 where a pair lets its data frames through, else 0."""
     return bytes(any(not (one ^ can_id) & mask for can_id, mask in filters) for one in range(0x800))
 
 
-def _tells_of_an_overflow(can_id: int, data: bytes) -> bool:
+def _is_receive_overflow(can_id: int, data: bytes) -> bool:
     """Whether it is an error frame about received frames that nobody had room for."""
     return not ~can_id & _LOST_CLASSES and len(data) > 1 and bool(data[1] & _RX_OVERFLOW)
 
@@ -168,7 +168,9 @@ def joined(settings: BusSettings, first: bytes) -> socket.socket:
     try:
         return hub_protocol.connect(settings.channel, first)
     except OSError as error:
-        raise BusError(said("bus.no_hub", name=settings.name, channel=settings.channel, why=error)) from error
+        raise BusError(
+            message("bus.no_hub", name=settings.name, channel=settings.channel, why=error)
+        ) from error
 
 
 def _open_adapter(settings: BusSettings, filters: Sequence[tuple[int, int]]) -> AdapterSocket:
@@ -184,7 +186,7 @@ def _open_adapter(settings: BusSettings, filters: Sequence[tuple[int, int]]) -> 
         )
     except (can.CanError, OSError, ValueError, TypeError, ImportError) as error:
         raise BusError(
-            said(
+            message(
                 "bus.no_adapter",
                 name=settings.name,
                 interface=settings.interface,

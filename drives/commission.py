@@ -33,7 +33,7 @@ from drives.commissioning.values import shown
 from drives.commissioning.wanted import Setting, Settings, Step, interpolation_time, steps_of
 from drives.profile import Supervision
 from drives.settings import IoSettings, MasterSettings, NodeSettings, SpindleSettings
-from drives.texts import Said, said
+from drives.texts import Message, message
 
 __all__ = [
     "Arranged",
@@ -104,7 +104,9 @@ def commission(
     return [drive.outcome for drive in drives]
 
 
-def on_paper(settings: Settings, master: MasterSettings, bit_rate: int = 0) -> tuple[list[Said], list[Said]]:
+def on_paper(
+    settings: Settings, master: MasterSettings, bit_rate: int = 0
+) -> tuple[list[Message], list[Message]]:
     """What ``commission`` would refuse of a node before a frame is sent, and what it would warn of."""
     try:
         about = sheet.of(settings)
@@ -115,15 +117,15 @@ def on_paper(settings: Settings, master: MasterSettings, bit_rate: int = 0) -> t
     return [of_drive(settings, one) for one in problems], [of_drive(settings, one) for one in warned]
 
 
-def _sentences(found: Sequence[Said]) -> Said:
+def _sentences(found: Sequence[Message]) -> Message:
     """Each with a full stop."""
-    return said("text", text=[said("sentence", text=one) for one in found])
+    return message("text", text=[message("sentence", text=one) for one in found])
 
 
 @lru_cache(256)
 def _of_paper(
     settings: Settings, master: MasterSettings, about: sheet.Sheet, bit_rate: int
-) -> tuple[tuple[Said, ...], tuple[Said, ...]]:
+) -> tuple[tuple[Message, ...], tuple[Message, ...]]:
     """Problems and warnings; the same drives are looked at with every program of a folder, and each start."""
     found = possible.problems(settings, master, about, bit_rate)
     return tuple(found), tuple(possible.warnings(settings, master, about))
@@ -162,8 +164,8 @@ def _see_single(network: Network, drives: Sequence[Drive]) -> None:
     if found:
         by_node = {drive.settings.node: drive for drive in drives}
         told = [by_node[node].says(twins.sentence(serials)) for node, serials in found.items()]
-        before = [said("sentence", text=one) for one in told[:-1]]
-        raise CommissionError(said("text", text=[*before, told[-1]]))
+        before = [message("sentence", text=one) for one in told[:-1]]
+        raise CommissionError(message("text", text=[*before, told[-1]]))
 
 
 def _see_undisturbed(network: Network, drives: Sequence[Drive]) -> None:
@@ -171,7 +173,7 @@ def _see_undisturbed(network: Network, drives: Sequence[Drive]) -> None:
     again = [drive for drive in drives if drive.settings.node in network.booted]
     if again:
         _see_single(network, again)
-        raise CommissionError(again[0].says(said("drive.booted_again")))
+        raise CommissionError(again[0].says(message("drive.booted_again")))
 
 
 def _mode(settings: NodeSettings | SpindleSettings) -> int:
@@ -185,7 +187,7 @@ def _see_off(network: Network, drive: Drive) -> None:
         return drive.read(0x6041) & ENABLED_MASK != ENABLED
 
     if not network.wait(off):
-        raise CommissionError(drive.says(said("drive.enabled")))
+        raise CommissionError(drive.says(message("drive.enabled")))
 
 
 def _sends_heartbeats(settings: Settings) -> bool:
@@ -196,7 +198,7 @@ def _sends_heartbeats(settings: Settings) -> bool:
 def _see_operational(network: Network, drive: Drive) -> None:
     node = drive.settings.node
     if not network.wait(lambda: network.nmt_states.get(node) == pdo.NMT_OPERATIONAL):
-        raise CommissionError(drive.says(said("drive.not_operational")))
+        raise CommissionError(drive.says(message("drive.not_operational")))
 
 
 def set_mode(network: Network, node: NodeSettings | SpindleSettings, mode: int) -> None:
@@ -209,7 +211,7 @@ def _identify(drive: Drive, settings: Settings) -> None:
     needed = 401 if isinstance(settings, IoSettings) else 402
     kind = drive.read(0x1000) & 0xFFFF
     if kind != needed:
-        raise CommissionError(drive.says(said("drive.other_profile", kind=kind, needed=needed)))
+        raise CommissionError(drive.says(message("drive.other_profile", kind=kind, needed=needed)))
     words = [word for word in identity.words_of(settings, drive.sheet) if drive.has(0x1018, word.sub)]
     found = {word.sub: drive.read(0x1018, word.sub) for word in words}
     for word in words:
@@ -220,4 +222,4 @@ def _identify(drive: Drive, settings: Settings) -> None:
         mode = _mode(settings)
         modes = drive.read(0x6502)
         if not modes & 1 << (mode - 1):
-            raise CommissionError(drive.says(said("drive.no_mode", modes=modes, mode=mode)))
+            raise CommissionError(drive.says(message("drive.no_mode", modes=modes, mode=mode)))

@@ -6,7 +6,7 @@ digits; FFxxh and what no class covers is the manufacturer's own, in the drive's
 
 from __future__ import annotations
 
-from drives.texts import Key, Said, said
+from drives.texts import Key, Message, message
 
 LISTED = """
     0000 1000 2000 2100 2110 2120 2130 2200 2211 2212 2213 2214 2220 2230 2240 2250 2300 2310
@@ -26,8 +26,8 @@ def listed(code: int) -> int | None:
     return next((code & mask for mask in KEPT_DIGITS if code & mask in CODES), None)
 
 
-def text(code: int) -> Said:
+def text(code: int) -> Message:
     """'8611h: following error'; an unlisted code has the text of its class, and says so by its digits."""
     known = listed(code)
     what = Key("emcy.unlisted" if known is None else f"emcy.{known:04X}")
-    return said("emcy_code", code=code, what=what)
+    return message("emcy_code", code=code, what=what)

@@ -33,7 +33,7 @@ from drives.cyclic.drive_fault import DriveFault
 from drives.cyclic.group import Group
 from drives.profile import GENERIC, Profile
 from drives.settings import INT32_MAX, INT32_MIN, BusSettings, MasterSettings, NodeSettings
-from drives.texts import Key, Said, TextError, said
+from drives.texts import Key, Message, TextError, message
 
 Filters = Sequence[tuple[int, int]]
 
@@ -95,7 +95,7 @@ class OneAxis:
         Raises BusError, CommissionError, OSError.
         """
         if not quick_stop > 0.0:
-            raise commission.CommissionError(said("axis.no_quick_stop", node=node))
+            raise commission.CommissionError(message("axis.no_quick_stop", node=node))
         self._clock: Clock = clock or WallClock()
         where = BusSettings("can", interface, channel, bit_rate)
         settings = NodeSettings(
@@ -167,7 +167,7 @@ class OneAxis:
         if not (INT32_MIN <= target <= INT32_MAX and speed > 0.0 and acceleration > 0.0):
             raise ValueError(f"target {target}, speed {speed}, acceleration {acceleration}: no such motion")
         if not self._drive.following:
-            raise AxisError(said("axis.is_off", node=self._drive.settings.node))
+            raise AxisError(message("axis.is_off", node=self._drive.settings.node))
         start, way = self._setpoint, target - self._setpoint
         for part in trapezoid(abs(way), speed, acceleration, self._period_s):
             self._setpoint = start + round(math.copysign(part, way))
@@ -192,13 +192,13 @@ class OneAxis:
             if done():
                 return
         node = self._drive.settings.node
-        raise AxisError(said(failure, node=node, seconds=patience_s, found=self._found(), **facts))
+        raise AxisError(message(failure, node=node, seconds=patience_s, found=self._found(), **facts))
 
-    def _found(self) -> Said:
+    def _found(self) -> Message:
         if not self._drive.fresh:
-            return said("axis.no_feedback")
+            return message("axis.no_feedback")
         state = self._drive.state.name.lower().replace("_", " ")
-        return said("axis.found", state=state, position=self.position)
+        return message("axis.found", state=state, position=self.position)
 
     def _tick(self, follow: bool = False) -> None:
         """``follow``: the setpoint is where the axis is."""
@@ -218,8 +218,8 @@ class OneAxis:
         self._group.want(Wanted.OFF)
         facts = {"node": self._drive.settings.node, "fault": Key(f"drive_fault.{fault.name}")}
         if code := self._drive.emcy_code:
-            raise AxisError(said("axis.faulted_by", **facts, code=emergency_codes.text(code)))
-        raise AxisError(said("axis.faulted", **facts))
+            raise AxisError(message("axis.faulted_by", **facts, code=emergency_codes.text(code)))
+        raise AxisError(message("axis.faulted", **facts))
 
 
 def _unused_method(profile: Profile) -> int:

@@ -20,7 +20,7 @@ Settings = NodeSettings | SpindleSettings | IoSettings
 
 SDO_REQUEST = 0x600
 NMT_STOP = 2
-ANSWER_S = 0.25  # a drive answers within some milliseconds, or not at all
+ANSWER_TIMEOUT_S = 0.25  # a drive answers within some milliseconds, or not at all
 # CiA 301, 7.2.4.3.3: expedited download of two bytes; 7.2.4.3.4: its answer.
 _WRITE_CONTROLWORD = bytes((0x2B, 0x40, 0x60, 0x00, QUICK_STOP, 0, 0, 0))
 _WRITTEN = bytes((0x60, 0x40, 0x60, 0x00))
@@ -43,7 +43,7 @@ def stop(port: Port, nodes: Sequence[Settings], pump: Callable[[], float]) -> li
     """
     drives = {node.node: node.name for node in nodes if not isinstance(node, IoSettings)}
     _send(port, [quick_stop_frame(node) for node in drives], pump)
-    deadline_s = pump() + ANSWER_S
+    deadline_s = pump() + ANSWER_TIMEOUT_S
     buffer = bytearray(pdo.FRAME_BYTES)
     while drives and pump() < deadline_s:
         while port.receive_into(buffer):
@@ -56,7 +56,7 @@ def stop(port: Port, nodes: Sequence[Settings], pump: Callable[[], float]) -> li
 
 def _send(port: Port, frames: Sequence[bytearray], pump: Callable[[], float]) -> None:
     """What does not fit into the queue is tried again for as long as a drive has to answer."""
-    deadline_s = pump() + ANSWER_S
+    deadline_s = pump() + ANSWER_TIMEOUT_S
     for frame in frames:
         while not port.send(frame) and pump() < deadline_s:
             pass

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 
-from drives.texts import TextError, said
+from drives.texts import TextError, message
 
 BYTE_ORDER_MARK = "\xef\xbb\xbf"  # of UTF-8, read as Latin-1
 COMMENT = re.compile(r"(?:^|\s);.*")
@@ -33,7 +33,7 @@ def sections(text: str) -> Sections:
         if line[0] == "[" and "]" in line:
             values = found.setdefault(line[1 : line.rindex("]")], {})
         elif values is None:
-            raise LineError(said("sheet.before_sections", line=number))
+            raise LineError(message("sheet.before_sections", line=number))
         else:
             name, equals, value = line.partition("=")
             if equals:

@@ -19,8 +19,8 @@ FOLDER = Path(__file__).parents[1] / "controller" / "messages"
 NONE_YET: Mapping[str, Any] = {}
 
 
-class Said(TypedDict):
-    """A text in no language. A value is plain JSON, another ``Said``, or a list of them, which are read
+class Message(TypedDict):
+    """A text in no language. A value is plain JSON, another ``Message``, or a list of them, which are read
     one after the other; a text among the values may use the values beside it.
     """
 
@@ -32,49 +32,49 @@ class Key(str):
     """A value that is itself a text, by its key, for instance what was waited for."""
 
 
-def said(key: str, /, **values: object) -> Said:
+def message(key: str, /, **values: object) -> Message:
     """The text of a key, with what it has places for; an error among the values is its ``reason``."""
     if "why" in values and not str(values["why"] or "").strip():  # an OSError may have no words, for one
         values["why"] = Key("no_why")
-    return Said(key=key, values={name: _value(value) for name, value in values.items()})
+    return Message(key=key, values={name: _value(value) for name, value in values.items()})
 
 
-def plain(sentence: Said | str) -> Said:
+def plain(sentence: Message | str) -> Message:
     """Also of what is known as a sentence only, of a program's reader for one."""
-    return said("text", text=sentence) if isinstance(sentence, str) else sentence
+    return message("text", text=sentence) if isinstance(sentence, str) else sentence
 
 
-def of_error(error: BaseException) -> Said:
+def of_error(error: BaseException) -> Message:
     """What an error says: its own text, with its place where it has one; else its words."""
-    own: Said | None = getattr(error, "placed", None) or getattr(error, "said", None)
+    own: Message | None = getattr(error, "placed", None) or getattr(error, "said", None)
     return own or plain(str(error))
 
 
 class TextError(Exception):
     """An error that is a text: ``said``; in words it is English, for logs."""
 
-    def __init__(self, what: Said | str) -> None:
+    def __init__(self, what: Message | str) -> None:
         """``what``: a sentence alone where it has no key."""
         self.said = plain(what)
         super().__init__(english(self.said))
 
 
-def several(*texts: Said | str) -> Said:
+def several(*texts: Message | str) -> Message:
     """One after the other, without those that are empty."""
-    return said("text", text=[plain(one) for one in texts if one])
+    return message("text", text=[plain(one) for one in texts if one])
 
 
-def chain(link: str, texts: Sequence[Said | str]) -> Said | str:
+def chain(link: str, texts: Sequence[Message | str]) -> Message | str:
     """Several as one: ``link`` is "and" or "or"; each is a key or plain words."""
-    last: Said | str = texts[-1]
+    last: Message | str = texts[-1]
     for one in texts[-2::-1]:
-        last = said(link, one=one, other=last)
+        last = message(link, one=one, other=last)
     return last
 
 
-def once(texts: Iterable[Said]) -> list[Said]:
+def once(texts: Iterable[Message]) -> list[Message]:
     """Each of them at its first place only."""
-    found: list[Said] = []
+    found: list[Message] = []
     for one in texts:
         if one not in found:
             found.append(one)
@@ -83,7 +83,7 @@ def once(texts: Iterable[Said]) -> list[Said]:
 
 def _value(value: object) -> Any:
     if isinstance(value, Key):
-        return Said(key=str(value), values={})
+        return Message(key=str(value), values={})
     if isinstance(value, list | tuple):
         return [_value(one) for one in value]
     if isinstance(value, BaseException):
@@ -91,23 +91,23 @@ def _value(value: object) -> Any:
     return value if isinstance(value, str | int | float | dict | None) else str(value)
 
 
-def reason(error: BaseException) -> Said | str:
+def reason(error: BaseException) -> Message | str:
     """What an error gives as its reason: its own text, or that of the operating system's number; else its
     words.
     """
-    own: Said | None = getattr(error, "said", None)
+    own: Message | None = getattr(error, "said", None)
     if own or not isinstance(error, OSError):
         return own or str(error)
     name = errno.errorcode.get(error.errno or 0, "")
     if name and error.strerror == os.strerror(error.errno or 0) and f"errno.{name}" in _known():
-        return Said(key=f"errno.{name}", values={})
+        return Message(key=f"errno.{name}", values={})
     return error.strerror or str(error)
 
 
 # ---- in words
 
 
-def is_said(value: object) -> bool:
+def is_message(value: object) -> bool:
     return isinstance(value, Mapping) and "key" in value and "values" in value
 
 
@@ -121,9 +121,11 @@ def filled(said: Mapping[str, Any], texts: Mapping[str, str], around: Mapping[st
     def words(value: Any, name: str = "") -> Any:
         if name == "unit":
             return texts.get(f"unit.{value}", value)
-        if is_said(value):
+        if is_message(value):
             return filled(value, texts, figures)
-        return " ".join(map(words, value)) if isinstance(value, list) and all(map(is_said, value)) else value
+        return (
+            " ".join(map(words, value)) if isinstance(value, list) and all(map(is_message, value)) else value
+        )
 
     key, values = str(said["key"]), {**around, **(said["values"] or {})}
     figures = {name: value for name, value in values.items() if isinstance(value, str | int | float)}

@@ -115,7 +115,7 @@ async def _checked(connection: HTTPConnection, role: Role) -> Principal:
     if not allowed or _method(connection) not in SAFE:
         _audit(panel, connection, who, allowed)
     if not allowed:
-        raise Refusal.told(403, "role", "role", name=who.name, has=who.role.label, needs=role.label)
+        raise Refusal.of(403, "role", "role", name=who.name, has=who.role.label, needs=role.label)
     return who
 
 
@@ -128,9 +128,9 @@ async def _check_seen(connection: HTTPConnection, seen: str, most_s: float) -> N
         return
     age_s = (tick["number"] - int(seen)) * tick["period_ms"] * 1e-3
     if age_s < 0.0:
-        raise Refusal.told(409, "late", "late.other_run")
+        raise Refusal.of(409, "late", "late.other_run")
     if age_s > most_s:
-        raise Refusal.told(409, "late", "late", age=f"{age_s:.1f}", most=f"{most_s:g}")
+        raise Refusal.of(409, "late", "late", age=f"{age_s:.1f}", most=f"{most_s:g}")
 
 
 async def principal(connection: HTTPConnection) -> Principal:
@@ -164,7 +164,7 @@ def _check_way(connection: HTTPConnection, who: Principal) -> None:
 
 
 def _unknown(key: str) -> Refusal:
-    return Refusal.told(401, "log_in", key, headers={"WWW-Authenticate": "Bearer"})
+    return Refusal.of(401, "log_in", key, headers={"WWW-Authenticate": "Bearer"})
 
 
 def _sent_token(connection: HTTPConnection) -> str:
@@ -182,7 +182,7 @@ def _check_page(connection: HTTPConnection, who: Principal) -> None:
     elif _method(connection) not in SAFE:
         sent = connection.headers.get("x-csrf-token", "")
         if not secrets.compare_digest(sent.encode(), who.csrf.encode()):
-            raise Refusal.told(403, "csrf", "no_csrf")
+            raise Refusal.of(403, "csrf", "no_csrf")
 
 
 def check_local(connection: HTTPConnection) -> None:
@@ -191,7 +191,7 @@ def check_local(connection: HTTPConnection) -> None:
     through = next((name for name in PROXY_HEADERS if name in headers), "")
     peer = connection.client.host if connection.client else ""
     if through or not is_loopback(peer) or not is_loopback(_host(headers.get("host", ""))):
-        raise Refusal.told(403, "local", "by_proxy" if through else "not_local", header=through)
+        raise Refusal.of(403, "local", "by_proxy" if through else "not_local", header=through)
     if _method(connection) not in SAFE:
         check_origin(connection)
 
@@ -202,7 +202,7 @@ def check_origin(connection: HTTPConnection) -> None:
     origin = headers.get("origin")
     foreign = origin is not None and urlsplit(origin).netloc.lower() != headers.get("host", "").lower()
     if foreign or headers.get("sec-fetch-site", "none") not in ("none", "same-origin"):
-        raise Refusal.told(403, "origin", "foreign_page", site=origin or Key("another_site"))
+        raise Refusal.of(403, "origin", "foreign_page", site=origin or Key("another_site"))
 
 
 def is_loopback(host: str) -> bool:

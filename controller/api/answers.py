@@ -23,7 +23,7 @@ from pydantic import BaseModel, Field
 from starlette.requests import HTTPConnection
 
 from controller import messages
-from controller.messages import Said, plain, said
+from controller.messages import Message, message, plain
 
 LANGUAGE_COOKIE = "directrix_language"  # which one was chosen on the page
 VARY = "Accept-Language, Cookie"
@@ -43,7 +43,7 @@ class Answer(JSONResponse):
         self, content: Any, status_code: int = 200, headers: Mapping[str, str] | None = None, **more: Any
     ) -> None:
         language = spoken.get()
-        super().__init__(messages.told(content, language), status_code, headers, **more)
+        super().__init__(messages.with_sentences(content, language), status_code, headers, **more)
         self.headers["Content-Language"], self.headers["Vary"] = language, VARY
 
 
@@ -76,7 +76,7 @@ class Refusal(Exception):
         self,
         status: int,
         code: str,
-        text: Said | str,
+        text: Message | str,
         *,
         mode: str | None = None,
         request: str | None = None,
@@ -89,14 +89,14 @@ class Refusal(Exception):
         self.facts = ErrorFacts(code=code, mode=mode, request=request, **self.said)
 
     @classmethod
-    def told(
+    def of(
         cls, status: int, code: str, key: str, *, headers: Mapping[str, str] | None = None, **values: Any
     ) -> Refusal:
-        """With the catalogue's text of that key; a mode and a request among the values are facts of their
+        """A refusal with the text of that key; a mode and a request among the values are facts of their
         own, too.
         """
         asked = {name: values[name] for name in ("mode", "request") if name in values}
-        return cls(status, code, said(key, **values), headers=headers, **asked)
+        return cls(status, code, message(key, **values), headers=headers, **asked)
 
     def response(self) -> JSONResponse:
         return Answer(ErrorAnswer(error=self.facts).model_dump(), self.status, self.headers)
@@ -148,7 +148,7 @@ def of_form(errors: Iterable[Mapping[str, Any]]) -> Refusal:
     allowed = (error.get("ctx") or {}).get(limit)
     if what == "one_of":
         allowed = ", ".join(_QUOTED.findall(str(allowed)))
-    return Refusal.told(
+    return Refusal.of(
         422,
         "form",
         "form",

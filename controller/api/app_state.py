@@ -81,7 +81,7 @@ class Panel:
             *((self.verdicts.run,) if self.checker is not None else ()),
             *(self._look, self._refresh_users, self._write_notes),
         )
-        tasks = [asyncio.create_task(_kept(work)) for work in works]
+        tasks = [asyncio.create_task(_run_forever(work)) for work in works]
         try:
             yield
         finally:
@@ -124,7 +124,7 @@ class Panel:
                 self.store.audit.add(*self._notes.get_nowait())
 
 
-async def _kept(work: Callable[[], Awaitable[None]]) -> None:
+async def _run_forever(work: Callable[[], Awaitable[None]]) -> None:
     """Do a work that never ends; neither a store that cannot be used for a while ends it nor a mistake of
     ours, which is told in the log: a panel that stands still unseen is worse.
     """

@@ -30,7 +30,7 @@ from controller.machine import machine_file as config
 from controller.machine import setup_data, tool_store
 from controller.machine.model import Machine
 from controller.machine.toml_table import ConfigError
-from controller.messages import Key, Said, TextError, of_error, said
+from controller.messages import Key, Message, TextError, message, of_error
 
 FORMAT = 2
 MANIFEST, MACHINE, FITTING, SETTINGS = "manifest.json", "machine.toml", "fitting.json", "settings.json"
@@ -78,18 +78,18 @@ def check(file: Path) -> Contents:
             _members(archive.infolist())
             return _contents(file, archive)
     except BackupError as error:
-        raise BackupError(said("archive.unsound", file=file, what=error.said)) from error
+        raise BackupError(message("archive.unsound", file=file, what=error.said)) from error
     except UNREADABLE as error:
-        raise BackupError(said("archive.unreadable", file=file, why=_said(error))) from error
+        raise BackupError(message("archive.unreadable", file=file, why=_error_message(error))) from error
     except WRONG as error:
-        raise BackupError(said("archive.none", file=file, why=_said(error))) from error
+        raise BackupError(message("archive.none", file=file, why=_error_message(error))) from error
     except (ConfigError, StoreError) as error:
-        raise BackupError(said("archive.not_taken", file=file, why=_said(error))) from error
+        raise BackupError(message("archive.not_taken", file=file, why=_error_message(error))) from error
 
 
-def _said(error: BaseException) -> Said:
+def _error_message(error: BaseException) -> Message:
     """What an error says, fit for a sentence whatever of the archive it quotes."""
-    found: Said = _plain(of_error(error))
+    found: Message = _plain(of_error(error))
     return found
 
 
@@ -108,19 +108,19 @@ def _plain(value: Any) -> Any:
 def _members(entries: Sequence[zipfile.ZipInfo]) -> None:
     """Raises BackupError for what the list of members tells already, before anything is unpacked."""
     if len(entries) > MAX_MEMBERS:
-        raise BackupError(said("archive.members", count=len(entries), max_members=MAX_MEMBERS))
+        raise BackupError(message("archive.members", count=len(entries), max_members=MAX_MEMBERS))
     known: set[str] = set()
     for entry in entries:
         name, shown = entry.filename, names.shown(entry.filename)
         if name not in (MANIFEST, *PARTS[FORMAT]) and not _PROGRAM.fullmatch(name):
-            raise BackupError(said("archive.foreign", shown=shown))
+            raise BackupError(message("archive.foreign", shown=shown))
         if name in known:
-            raise BackupError(said("archive.twice", shown=shown))
+            raise BackupError(message("archive.twice", shown=shown))
         if entry.compress_type not in KINDS or entry.flag_bits & 1:
-            raise BackupError(said("archive.packed", shown=shown))
+            raise BackupError(message("archive.packed", shown=shown))
         if entry.file_size > MAX_PART_BYTES and not _PROGRAM.fullmatch(name):
             raise BackupError(
-                said(
+                message(
                     "archive.part_large",
                     shown=shown,
                     file_size=entry.file_size >> 20,
@@ -129,9 +129,9 @@ def _members(entries: Sequence[zipfile.ZipInfo]) -> None:
             )
         known.add(name)
     if MANIFEST not in known:
-        raise BackupError(said("archive.no_part", name=MANIFEST))
+        raise BackupError(message("archive.no_part", name=MANIFEST))
     if sum(entry.file_size for entry in entries) > MAX_BYTES:
-        raise BackupError(said("archive.large", max_bytes=MAX_BYTES >> 30))
+        raise BackupError(message("archive.large", max_bytes=MAX_BYTES >> 30))
 
 
 def _contents(file: Path, archive: zipfile.ZipFile) -> Contents:
@@ -139,7 +139,7 @@ def _contents(file: Path, archive: zipfile.ZipFile) -> Contents:
     _manifest(manifest)
     parts = {name: _part(archive, name) for name in PARTS[manifest["format"]]}
     if foreign := sorted({*PARTS[FORMAT]} - {*parts} & {*archive.namelist()}):
-        raise BackupError(said("archive.foreign_of_format", shown=foreign[0]))
+        raise BackupError(message("archive.foreign_of_format", shown=foreign[0]))
     for name, data in parts.items():
         _same(name, hashlib.sha256(data).hexdigest(), manifest["parts"].get(name))
     programs = {names.check(name): sha256 for name, sha256 in manifest["programs"].items()}
@@ -153,7 +153,7 @@ def _contents(file: Path, archive: zipfile.ZipFile) -> Contents:
 
 def _part(archive: zipfile.ZipFile, name: str) -> bytes:
     if name not in archive.namelist():
-        raise BackupError(said("archive.no_part", name=name))
+        raise BackupError(message("archive.no_part", name=name))
     return archive.read(name)
 
 
@@ -161,20 +161,20 @@ def _manifest(manifest: dict[str, Any]) -> None:
     """Raises BackupError for a value of the manifest that is not of its kind."""
     if type(found := manifest.get("format")) is not int or found not in PARTS:
         allowed = ", ".join(map(str, PARTS))
-        raise BackupError(said("archive.format", found=_short(found), allowed=allowed))
+        raise BackupError(message("archive.format", found=_short(found), allowed=allowed))
     made_s = manifest.get("made_s")
     if isinstance(made_s, bool) or not isinstance(made_s, int | float) or not 0.0 <= made_s < LATEST_S:
-        raise BackupError(said("archive.made", manifest=MANIFEST, found=_short(made_s)))
+        raise BackupError(message("archive.made", manifest=MANIFEST, found=_short(made_s)))
     for name in ("parts", "programs"):
         sums = manifest.get(name)
         if not isinstance(sums, dict) or not all(isinstance(value, str) for value in sums.values()):
-            raise BackupError(said("archive.no_sums", manifest=MANIFEST, name=name, found=_short(sums)))
+            raise BackupError(message("archive.no_sums", manifest=MANIFEST, name=name, found=_short(sums)))
     path = manifest.get("machine_file", "/")
     if not isinstance(path, str) or "\0" in path:
-        raise BackupError(said("archive.path", manifest=MANIFEST, found=_short(path)))
+        raise BackupError(message("archive.path", manifest=MANIFEST, found=_short(path)))
     known = {"format", "made_s", "parts", "programs", "machine_file"}
     if foreign := sorted(set(manifest) - known) or sorted(set(manifest["parts"]) - set(PARTS[found])):
-        raise BackupError(said("archive.foreign_name", manifest=MANIFEST, shown=names.shown(foreign[0])))
+        raise BackupError(message("archive.foreign_name", manifest=MANIFEST, shown=names.shown(foreign[0])))
 
 
 def _programs(archive: zipfile.ZipFile, wanted: set[str]) -> None:
@@ -182,14 +182,14 @@ def _programs(archive: zipfile.ZipFile, wanted: set[str]) -> None:
     there = {found[1] for name in archive.namelist() if (found := _PROGRAM.fullmatch(name))}
     for sha256 in sorted(wanted):
         if sha256 not in there:
-            raise BackupError(said("archive.no_program", sum=names.shown(sha256)))
+            raise BackupError(message("archive.no_program", sum=names.shown(sha256)))
         summed = hashlib.sha256()
         with archive.open(member_of(sha256)) as part:
             while chunk := part.read(1 << 20):
                 summed.update(chunk)
         _same(member_of(sha256), summed.hexdigest(), sha256)
     if more := sorted(there - wanted):
-        raise BackupError(said("archive.unnamed", shown=member_of(more[0])))
+        raise BackupError(message("archive.unnamed", shown=member_of(more[0])))
 
 
 def _fitted(data: bytes, machine: Machine) -> dict[str, Any]:
@@ -198,7 +198,7 @@ def _fitted(data: bytes, machine: Machine) -> dict[str, Any]:
         if name not in setup_data.KINDS or not isinstance(rows, dict):
             allowed = ", ".join(setup_data.KINDS)
             raise BackupError(
-                said(
+                message(
                     "archive.no_kind",
                     fitting=FITTING,
                     name=names.shown(name),
@@ -214,9 +214,9 @@ def _settings(data: bytes) -> dict[str, Any]:
     settings = _object(SETTINGS, data)
     for name, value in settings.items():
         if not _SETTING.fullmatch(name):
-            raise BackupError(said("archive.no_setting", settings=SETTINGS, name=names.shown(name)))
+            raise BackupError(message("archive.no_setting", settings=SETTINGS, name=names.shown(name)))
         if not isinstance(value, str | bool | int | float | None):
-            raise BackupError(said("archive.setting", settings=SETTINGS, name=name, found=_short(value)))
+            raise BackupError(message("archive.setting", settings=SETTINGS, name=name, found=_short(value)))
     return settings
 
 
@@ -225,7 +225,7 @@ def _tools(data: bytes) -> bytes | None:
     try:
         return tool_store.file_of(rows) if rows else None
     except ValueError as error:
-        raise BackupError(said("archive.tools", part=TOOLS, why=_said(error))) from error
+        raise BackupError(message("archive.tools", part=TOOLS, why=_error_message(error))) from error
 
 
 def _object(part: str, data: bytes) -> dict[str, Any]:
@@ -233,11 +233,11 @@ def _object(part: str, data: bytes) -> dict[str, Any]:
     try:
         found = json.loads(data.decode(), object_pairs_hook=_once, parse_constant=_no_number)
     except (ValueError, RecursionError) as error:
-        raise BackupError(said("archive.no_json", part=part, why=_said(error))) from error
+        raise BackupError(message("archive.no_json", part=part, why=_error_message(error))) from error
     if not isinstance(found, dict):
-        raise BackupError(said("archive.no_object", part=part, found=_short(found)))
+        raise BackupError(message("archive.no_object", part=part, found=_short(found)))
     if not all(math.isfinite(value) for value in found.values() if isinstance(value, float)):
-        raise BackupError(said("archive.number", part=part))
+        raise BackupError(message("archive.number", part=part))
     return found
 
 
@@ -262,4 +262,4 @@ def _short(value: object) -> str:
 
 def _same(part: str, found: str, expected: object) -> None:
     if found != expected:
-        raise BackupError(said("archive.other_sum", part=part))
+        raise BackupError(message("archive.other_sum", part=part))

@@ -53,9 +53,9 @@ from controller.machine import machine_file as config
 from controller.machine import setup_data, tool_store
 from controller.machine.model import Machine
 from controller.machine.toml_table import ConfigError
-from controller.messages import Said, said
+from controller.messages import Message, message
 
-__all__ = ["BackupError", "Contents", "all_kept", "check", "keep", "restore", "save", "update"]
+__all__ = ["BackupError", "Contents", "automatic_backups", "check", "keep", "restore", "save", "update"]
 
 KEPT = 20  # back-ups made by themselves
 BY = "back-up"
@@ -67,7 +67,7 @@ def save(store: Store, machine: Machine, file: Path, machine_file: Path | None =
 
     Raises StoreError, ConfigError, OSError.
     """
-    return _write(store, machine, tool_store.kept(store.folder / tool_store.FILE), file, machine_file)
+    return _write(store, machine, tool_store.saved_rows(store.folder / tool_store.FILE), file, machine_file)
 
 
 def _write(
@@ -105,7 +105,7 @@ def _write(
 
 def restore(
     store: Store, contents: Contents, machine_file: Path | None, before: Machine | None
-) -> list[Said]:
+) -> list[Message]:
     """Put back what an archive holds, all of it or nothing; what was done, a sentence each.
 
     ``machine_file``: where the service reads its machine file, None = left as it is; ``before``: the
@@ -123,9 +123,11 @@ def restore(
         texts[note] = sealed_file.next_text(note, setup_data.note_of(contents.machine))
     with contextlib.ExitStack() as work:
         replaced = machine_file if machine_file is not None and machine_file.exists() else None
-        done = list[Said]()
+        done = list[Message]()
         if before:
-            done.append(said("backup.kept", kept=work.enter_context(_kept(store, before, replaced))))
+            done.append(
+                message("backup.kept", kept=work.enter_context(_backup_before(store, before, replaced)))
+            )
         tool_store.settle(store.folder / tool_store.FILE)
         put = work.enter_context(atomic_file.all_or_none(texts))
         staged = work.enter_context(_unpacked(store, contents))
@@ -133,12 +135,12 @@ def restore(
             _enter(store, contents, staged, sql)
             put()
     _forget_old(store)
-    done.append(said("backup.programs", count=len(contents.programs)))
+    done.append(message("backup.programs", count=len(contents.programs)))
     if machine_file is not None:
-        done.append(said("backup.machine", machine_file=machine_file))
+        done.append(message("backup.machine", machine_file=machine_file))
     if tools is not None:
-        done.append(said("backup.changer"))
-    return [*done, said("backup.offsets")]
+        done.append(message("backup.changer"))
+    return [*done, message("backup.offsets")]
 
 
 def _unconfirmed(store: Store, contents: Contents) -> bytes | None:
@@ -155,14 +157,14 @@ def _unconfirmed(store: Store, contents: Contents) -> bytes | None:
 def _readable_tools(store: Store) -> dict[str, list[list[Any]]]:
     """{} also for a file that is no tool store: a restore is the way out of that."""
     try:
-        return tool_store.kept(store.folder / tool_store.FILE)
+        return tool_store.saved_rows(store.folder / tool_store.FILE)
     except ConfigError:
         return {}
 
 
 @contextlib.contextmanager
-def _kept(store: Store, before: Machine, machine_file: Path | None) -> Iterator[Path]:
-    """What was, for a roll-back; where nothing was changed there is nothing to roll back."""
+def _backup_before(store: Store, before: Machine, machine_file: Path | None) -> Iterator[Path]:
+    """A back-up of the state before, for a roll-back; removed where the work raises."""
     made = keep(store, before, machine_file)
     try:
         yield made
@@ -197,7 +199,7 @@ def _fits(store: Store, contents: Contents, archive: zipfile.ZipFile) -> None:
     most = store.uploads.limits.most_bytes
     for name, sha256 in contents.programs.items():
         if sizes[sha256] > most:
-            raise StoreError.told("size", "upload_more", name=name, most=most)
+            raise StoreError.of("size", "upload_more", name=name, most=most)
     store.uploads.room(sum(sizes.values()))
 
 
@@ -223,7 +225,7 @@ def _facts(file: Path, within: Path) -> tuple[int, int]:
     return size, ends + (last != b"\n")
 
 
-def update(store: Store, new: Path, machine_file: Path) -> list[Said]:
+def update(store: Store, new: Path, machine_file: Path) -> list[Message]:
     """Replace the machine file by a new one, checked with what is fitted; what was done.
 
     Raises ConfigError, StoreError, OSError.
@@ -231,13 +233,13 @@ def update(store: Store, new: Path, machine_file: Path) -> list[Said]:
     machine = config.load(new)
     setup_data.applied(machine, setup_data.load(store.folder))
     with contextlib.ExitStack() as work:
-        done = list[Said]()
+        done = list[Message]()
         if machine_file.exists():
-            kept = work.enter_context(_kept(store, config.load(machine_file), machine_file))
-            done.append(said("backup.kept", kept=kept))
+            kept = work.enter_context(_backup_before(store, config.load(machine_file), machine_file))
+            done.append(message("backup.kept", kept=kept))
         work.enter_context(atomic_file.all_or_none({machine_file: config.alone(machine)}))()
     _forget_old(store)
-    return [*done, said("backup.machine_from_next", machine_file=machine_file)]
+    return [*done, message("backup.machine_from_next", machine_file=machine_file)]
 
 
 def keep(store: Store, machine: Machine, machine_file: Path | None = None) -> Path:
@@ -260,12 +262,12 @@ def _forget_old(store: Store) -> None:
     """What nobody goes back to: contents that no name points at any more, and the oldest back-ups."""
     with contextlib.suppress(StoreError, OSError):  # it has been restored all the same
         store.programs.sweep()
-        for old in all_kept(store)[KEPT:]:
+        for old in automatic_backups(store)[KEPT:]:
             own_files.remove(old)
 
 
-def all_kept(store: Store) -> list[Path]:
-    """Back-ups that were made by themselves, the latest first. Raises OSError for a folder of another."""
+def automatic_backups(store: Store) -> list[Path]:
+    """Back-ups that were made automatically, the latest first. Raises OSError for a folder of another."""
     if not os.path.lexists(folder := folder_of(store)):
         return []
     own_files.make_private(folder)

@@ -26,7 +26,7 @@ from controller.api.answers import Refusal
 from controller.api.programs import Program, ProgramCheck
 from controller.api.store import Store, StoreError
 from controller.machine import setup_data
-from controller.messages import said
+from controller.messages import message
 
 WORKER = (sys.executable, "-m", "controller.cli.check_worker")
 LONGEST_S = 3600.0
@@ -117,14 +117,14 @@ class Checker:
                 timer = threading.Timer(LONGEST_S, child.kill)
                 timer.start()
                 try:
-                    return self._told(child, json.dumps(job), program, machine)
+                    return self._read_result(child, json.dumps(job), program, machine)
                 finally:
                     timer.cancel()
                     child.kill()
         except StoreError as error:
             return "failed", {**error.said}
         except OSError as error:
-            return "failed", {**said("check_not_started", program=program.name, why=error)}
+            return "failed", {**message("check_not_started", program=program.name, why=error)}
 
     def _started(self) -> subprocess.Popen[str]:
         with self._lock:
@@ -139,7 +139,7 @@ class Checker:
                 self._child.kill()
             return self._child
 
-    def _told(
+    def _read_result(
         self, child: subprocess.Popen[str], job: str, program: Program, machine: str
     ) -> tuple[str, dict[str, Any]]:
         assert child.stdin and child.stdout
@@ -157,7 +157,7 @@ class Checker:
                 self._store.checks.set(program.sha256, machine, "running", float(answer["progress"]))
         if told is not None:
             return told  # what was to come is no part of the check
-        return "failed", {**said("check_without_result", program=program.name)}
+        return "failed", {**message("check_without_result", program=program.name)}
 
 
 def _give(stdin: IO[str], job: str) -> None:
@@ -193,14 +193,14 @@ class Errand:
             raise busy
         self._busy = True
         try:
-            return await asyncio.wait_for(self._asked({**job, "parent": os.getpid()}), self.longest_s)
+            return await asyncio.wait_for(self._run({**job, "parent": os.getpid()}), self.longest_s)
         except (OSError, ValueError, TimeoutError):
             raise failed from None
         finally:
             self._busy = False
 
-    async def _asked(self, job: dict[str, Any]) -> dict[str, Any]:
-        """Raises OSError and ValueError where the process gives no answer."""
+    async def _run(self, job: dict[str, Any]) -> dict[str, Any]:
+        """The answer of a worker process to a job. Raises OSError and ValueError where it gives none."""
         pipe, nothing = asyncio.subprocess.PIPE, asyncio.subprocess.DEVNULL
         child = await asyncio.create_subprocess_exec(*self._worker, stdin=pipe, stdout=pipe, stderr=nothing)
         try:
@@ -220,12 +220,12 @@ class Drafts:
 
     async def read(self, name: str, text: str) -> list[dict[str, Any]]:
         """What is refused: line and column (1-based), and the sentence. Raises Refusal."""
-        failed = Refusal.told(503, "unread", "draft_unread", name=name)
+        failed = Refusal.of(503, "unread", "draft_unread", name=name)
         try:
             files = await asyncio.to_thread(self._store.programs.called_by, name, text.encode())
         except OSError:
             raise failed from None
         job = {"text": text, "name": name, "files": files, "state": str(self._store.folder)}
-        busy = Refusal.told(429, "many", "draft_busy", headers={"Retry-After": "1"})
+        busy = Refusal.of(429, "many", "draft_busy", headers={"Retry-After": "1"})
         found: list[dict[str, Any]] = (await self._errand.run(job, busy, failed))["refusals"]
         return found

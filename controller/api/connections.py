@@ -27,7 +27,9 @@ from controller.api.answers import Refusal
 from controller.api.entrance import Entrance
 
 MAX_FILES = 8192  # that the panel asks for where the system's limit is lower
-MOST = 1024  # connections; what comes beside them (store, uploads, service) needs about a hundred files
+MAX_CONNECTIONS = (
+    1024  # connections; what comes beside them (store, uploads, service) needs about a hundred files
+)
 HEADER_S = 10.0
 BODY_S = 40.0  # more patient than uploads, which answer their sender
 SLOWEST_BYTES_S = 250.0  # of a body
@@ -39,7 +41,7 @@ LEAVE_S = 5.0  # for the last answer of a connection to go out
 
 def _silent() -> bytes:
     """The answer to a request whose rest did not come (RFC 9110, 15.5.9), as all others look."""
-    body = Refusal.told(408, "slow", "request_silent").response().body
+    body = Refusal.of(408, "slow", "request_silent").response().body
     head = "HTTP/1.1 408 Request Timeout\r\nConnection: close\r\nContent-Type: application/json\r\n"
     return f"{head}Content-Length: {len(body)}\r\n\r\n".encode() + bytes(body)
 
@@ -61,8 +63,8 @@ class Limits(NamedTuple):
     @classmethod
     def within(cls, files: int) -> Limits:
         """For a process that may have so many files open."""
-        most = min(MOST, files // 4)
-        return cls(most, most // 4, min(2 * MOST, files // 4))
+        most = min(MAX_CONNECTIONS, files // 4)
+        return cls(most, most // 4, min(2 * MAX_CONNECTIONS, files // 4))
 
 
 def raise_file_limit() -> int:

@@ -157,16 +157,16 @@ class StoreError(Exception):
     not come; many: others are under way; space: the disk is full; store: the store itself cannot be used.
     """
 
-    def __init__(self, code: str, text: messages.Said | str) -> None:
+    def __init__(self, code: str, text: messages.Message | str) -> None:
         """``text``: a sentence alone where it has no key."""
         self.said = messages.plain(text)
         super().__init__(messages.text(self.said))
         self.code = code
 
     @classmethod
-    def told(cls, code: str, key: str, **values: object) -> StoreError:
-        """With the catalogue's text of that key."""
-        return cls(code, messages.said(key, **values))
+    def of(cls, code: str, key: str, **values: object) -> StoreError:
+        """An error with the text of that key."""
+        return cls(code, messages.message(key, **values))
 
 
 class Database:
@@ -186,7 +186,7 @@ class Database:
             self._sql.execute("PRAGMA foreign_keys = ON")
             sealed_rows.seal(self._sql, anew=_migrate(self))
         except (OSError, sqlite3.Error) as error:
-            raise StoreError.told("store", "store_unusable", file=self.file, why=error) from error
+            raise StoreError.of("store", "store_unusable", file=self.file, why=error) from error
 
     def close(self) -> None:
         with self._lock:
@@ -213,7 +213,7 @@ class Database:
                 aside = own_files.aside(self.file)
                 atomic_file.write(aside, sql.serialize())
             except OSError as error:
-                raise StoreError.told("space", "store_unwritten", file=self.file, why=error) from error
+                raise StoreError.of("space", "store_unwritten", file=self.file, why=error) from error
             if words:
                 sealed_rows.index_anew(sql)
                 rows = sealed_rows.damaged(sql)
@@ -233,7 +233,7 @@ class Database:
             except UnicodeEncodeError:  # half of a pair: nothing that is kept has such a name
                 return []
             except sqlite3.Error as error:
-                raise StoreError.told("store", "store_unread", file=self.file, why=error) from error
+                raise StoreError.of("store", "store_unread", file=self.file, why=error) from error
 
     @contextlib.contextmanager
     def write(self) -> Iterator[sqlite3.Connection]:
@@ -252,7 +252,7 @@ class Database:
                 raise  # the caller knows which rule it was
             except sqlite3.Error as error:
                 code = "space" if "full" in str(error) else "store"
-                raise StoreError.told(code, "store_unwritten", file=self.file, why=error) from error
+                raise StoreError.of(code, "store_unwritten", file=self.file, why=error) from error
 
 
 def _migrate(database: Database) -> bool:
@@ -265,7 +265,7 @@ def _migrate(database: Database) -> bool:
     if version > newest:
         raise StoreError(
             "store",
-            messages.said("store.schema", file=database.file, version=version, newest=newest),
+            messages.message("store.schema", file=database.file, version=version, newest=newest),
         )
     if version > 0:
         _copy_beside(database, version)

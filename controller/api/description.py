@@ -98,7 +98,7 @@ def _operation(operation: Mapping[str, Any], rule: Rule, language: str) -> dict[
         return {**operation, "security": []}
     role, control = rule
     key = "openapi.role_in_control" if control else "openapi.role"
-    whole = messages.text(messages.said(key, text=about, role=role.label), language)
+    whole = messages.text(messages.message(key, text=about, role=role.label), language)
     return {**operation, "description": whole.strip()}
 
 

@@ -23,7 +23,7 @@ from typing import Protocol
 import serial
 
 from controller.api.dnc_format import DC1, DC2, DC3, DC4, Reader, Tape, TapeError, coded, programs
-from controller.messages import Said, chain, said
+from controller.messages import Message, chain, message
 
 BAUD_RATES = (1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200)
 FORMATS = {"7E2": (True, 2), "7E1": (True, 1), "8N1": (False, 1)}  # even parity in 7 bits; stop bits
@@ -68,7 +68,7 @@ class LineSettings:
         for what, found, known in allowed:
             if found not in known:
                 listed = ", ".join(map(str, known))
-                raise TapeError(said("dnc.setting", port=self.port, what=what, found=found, listed=listed))
+                raise TapeError(message("dnc.setting", port=self.port, what=what, found=found, listed=listed))
 
 
 class Port(Protocol):
@@ -122,9 +122,9 @@ def opened(settings: LineSettings) -> Iterator[Line]:
             _mark_errors(port.fileno(), settings)
             yield Line(settings, port, Unmarked(settings.port).plain)
     except serial.SerialTimeoutException as error:
-        raise TapeError(said("dnc.not_taken", port=settings.port, silence_s=settings.silence_s)) from error
+        raise TapeError(message("dnc.not_taken", port=settings.port, silence_s=settings.silence_s)) from error
     except (OSError, termios.error, ValueError) as error:  # SerialException is an OSError
-        raise LineError(said("dnc.failed", port=settings.port, why=error)) from error
+        raise LineError(message("dnc.failed", port=settings.port, why=error)) from error
 
 
 def _mark_errors(fd: int, settings: LineSettings) -> None:
@@ -152,9 +152,9 @@ class Unmarked:
         while pieces:
             piece = pieces.pop(0)
             if piece[:1] == b"\x00":
-                raise TapeError(said("dnc.no_stop_bit", port=self._port))
+                raise TapeError(message("dnc.no_stop_bit", port=self._port))
             if piece:
-                raise TapeError(said("dnc.marked", port=self._port))
+                raise TapeError(message("dnc.marked", port=self._port))
             if not pieces:
                 self._left = b"\xff"
                 break
@@ -167,7 +167,7 @@ class Received:
     """The programs of one transmission, and why what came after them was not kept (None: nothing came)."""
 
     tapes: tuple[Tape, ...]
-    problem: Said | None = None
+    problem: Message | None = None
 
 
 def receive(line: Line, tell: Callable[[int], None] = lambda _: None) -> Received:
@@ -185,12 +185,12 @@ def receive(line: Line, tell: Callable[[int], None] = lambda _: None) -> Receive
     finally:
         with contextlib.suppress(OSError):
             line.control(DC3)
-    if lost := [said(f"dnc.bad_{name}") for at, name in _BAD.items() if _counters(line)[at] > before[at]]:
-        raise TapeError(said("dnc.lost", port=settings.port, lost=chain("and", lost)))
+    if lost := [message(f"dnc.bad_{name}") for at, name in _BAD.items() if _counters(line)[at] > before[at]]:
+        raise TapeError(message("dnc.lost", port=settings.port, lost=chain("and", lost)))
     return Received(tuple(one for tape in tapes for one in programs(tape)), problem)
 
 
-def _and_others(line: Line, reader: Reader, tell: Callable[[int], None]) -> tuple[list[Tape], Said | None]:
+def _and_others(line: Line, reader: Reader, tell: Callable[[int], None]) -> tuple[list[Tape], Message | None]:
     """The tape that was read, and those that follow it without a pause; why one of them was not kept."""
     assert reader.tape is not None
     tapes = [reader.tape]
@@ -204,8 +204,8 @@ def _and_others(line: Line, reader: Reader, tell: Callable[[int], None]) -> tupl
     except OSError:  # the other end is gone, and its program was whole
         return tapes, None
     except TapeError as error:
-        last = tapes[-1].name or said("dnc.the_program")
-        return tapes, said("dnc.behind", last=last, why=error)
+        last = tapes[-1].name or message("dnc.the_program")
+        return tapes, message("dnc.behind", last=last, why=error)
 
 
 def _until_end(line: Line, reader: Reader, tell: Callable[[int], None], follows: bool = False) -> bool:
@@ -234,8 +234,8 @@ def _until_end(line: Line, reader: Reader, tell: Callable[[int], None], follows:
 
 def _silence(settings: LineSettings, reader: Reader, silent_s: float) -> TapeError:
     if not reader.began:
-        return TapeError(said("dnc.none", port=settings.port, silent_s=silent_s))
-    return TapeError(said("dnc.silent", port=settings.port, line=reader.line, silent_s=silent_s))
+        return TapeError(message("dnc.none", port=settings.port, silent_s=silent_s))
+    return TapeError(message("dnc.silent", port=settings.port, line=reader.line, silent_s=silent_s))
 
 
 def send(
@@ -265,7 +265,7 @@ def _await_start(line: Line) -> None:
     start = coded(DC1, line.settings.even_parity)
     while start not in line.port.read(1):
         if time.monotonic() > ends_s:
-            raise TapeError(said("dnc.no_start", port=line.settings.port, wait_s=line.settings.wait_s))
+            raise TapeError(message("dnc.no_start", port=line.settings.port, wait_s=line.settings.wait_s))
     state[0] = before
     termios.tcsetattr(fd, termios.TCSANOW, state)
 

@@ -27,7 +27,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from controller.messages import Said, TextError, said
+from controller.messages import Message, TextError, message
 
 NUL, DC1, DC2, DC3, DC4, DEL = b"\x00", b"\x11", b"\x12", b"\x13", b"\x14", b"\x7f"
 LEADER = 32  # NULs before and behind, enough for a reader to start up
@@ -61,7 +61,7 @@ class Tape:
 
     text: bytes
     name: str
-    told: tuple[Said, ...] = ()  # what of it was left out, a sentence each
+    told: tuple[Message, ...] = ()  # what of it was left out, a sentence each
     is_one: bool = False  # by the checksum in its leader
 
 
@@ -131,17 +131,17 @@ class Reader:
     def _seven(self, chunk: bytes) -> bytes:
         if (at := chunk.translate(_ODD_ONES).find(1)) >= 0:
             line = self.line + len(_LINE_END.findall(chunk[:at].translate(_SEVEN)))
-            raise TapeError(said("dnc.parity", line=line, byte=chunk[at]))
+            raise TapeError(message("dnc.parity", line=line, byte=chunk[at]))
         return chunk.translate(_SEVEN)
 
     def _look_for_end(self) -> None:
         body = self._body or bytearray()
         if len(body) > self._most:
-            raise TapeError(said("dnc.no_end", line=self.line, most=self._most))
+            raise TapeError(message("dnc.no_end", line=self.line, most=self._most))
         for found in _STOP.finditer(body, self._looked):
             if found.group() == b"%":
                 inside = bytes(body[: found.start()])
-                told = tuple(_told(inside, self._left_out))
+                told = tuple(_left_out_messages(inside, self._left_out))
                 self.tape = replace(_tape(bytes(self._leader), inside), told=told)
                 return
             if found.end() == len(body):  # a comment that may go on
@@ -159,17 +159,17 @@ def _tape(leader: bytes, body: bytes) -> Tape:
         text = body.lstrip()
     text = _identical(leader, body, text) if (found := _SUM.search(leader)) else _LINE_END.sub(b"\n", text)
     if found and hashlib.sha256(text).hexdigest().encode() != found.group(1):
-        raise TapeError(said("dnc.sum", line=len(_LINE_END.findall(body)) + 1))
+        raise TapeError(message("dnc.sum", line=len(_LINE_END.findall(body)) + 1))
     _sound(text)
     return Tape(text, _name(text), is_one=bool(found))
 
 
-def _told(body: bytes, left_out: list[tuple[int, int]]) -> Iterator[Said]:
+def _left_out_messages(body: bytes, left_out: list[tuple[int, int]]) -> Iterator[Message]:
     for at, sign in left_out[:MAX_TOLD]:
         line = len(_LINE_END.findall(body[:at])) + 1
-        yield (said("dnc.left_out", line=line, name=SIGNS[sign], sign=sign))
+        yield (message("dnc.left_out", line=line, name=SIGNS[sign], sign=sign))
     if len(left_out) > MAX_TOLD:
-        yield said("dnc.more_left_out", max_told=MAX_TOLD)
+        yield message("dnc.more_left_out", max_told=MAX_TOLD)
 
 
 def programs(tape: Tape) -> list[Tape]:
@@ -189,7 +189,7 @@ def programs(tape: Tape) -> list[Tape]:
     found = [Tape(bytes(text), _name(text)) for text in parts]
     numbers = [one.name for one in found]
     if twice := [name for name in numbers if numbers.count(name) > 1]:
-        raise TapeError(said("dnc.twice", name=twice[0]))
+        raise TapeError(message("dnc.twice", name=twice[0]))
     return [replace(found[0], name=tape.name, told=tape.told), *found[1:]]
 
 
@@ -219,7 +219,7 @@ def _candidates(body: bytes, text: bytes) -> Iterator[bytes]:
 def _sound(text: bytes) -> None:
     """Raises TapeError for what no program holds."""
     if not text.strip():
-        raise TapeError(said("dnc.empty"))
+        raise TapeError(message("dnc.empty"))
     if found := _CONTROL.search(text):
         raise TapeError(_strange(text, found.start(), "dnc.control_character"))
     try:
@@ -228,8 +228,8 @@ def _sound(text: bytes) -> None:
         raise TapeError(_strange(text, error.start, "dnc.no_text")) from error
 
 
-def _strange(text: bytes, at: int, key: str) -> Said:
-    return said(key, line=len(_LINE_END.findall(text[:at])) + 1, byte=text[at])
+def _strange(text: bytes, at: int, key: str) -> Message:
+    return message(key, line=len(_LINE_END.findall(text[:at])) + 1, byte=text[at])
 
 
 def punched(
@@ -272,7 +272,7 @@ def _framed(text: bytes) -> bytes:
     if len(marks) == 2 and not text[: marks[0]].strip() and not text[marks[1] + 1 :].strip():
         return text
     line = len(_LINE_END.findall(text[: marks[0]])) + 1
-    raise TapeError(said("dnc.percent", line=line))
+    raise TapeError(message("dnc.percent", line=line))
 
 
 def coded(control: bytes, even_parity: bool) -> bytes:

@@ -114,7 +114,7 @@ class Events:
         self._check_room(who, address)
         listener = Listener(topics, (who.name, address), language, changes)
         for topic, data in self._told.items() if self._listeners else ():
-            listener.tell(topic, _text(topic, messages.told(data, language)))
+            listener.tell(topic, _text(topic, messages.with_sentences(data, language)))
         self._listeners.append(listener)
         self._wanted.set()
         self._watch.asked.set()
@@ -127,17 +127,17 @@ class Events:
         """Raises Refusal where the asker, or all of its role, have as many listeners as they may."""
         own = sum(one.owner == (who.name, address) for one in self._listeners)
         if own >= MAX_OF_ONE:
-            raise Refusal.told(429, "too_often", "many_listeners_of_one", name=who.name, most=MAX_OF_ONE)
+            raise Refusal.of(429, "too_often", "many_listeners_of_one", name=who.name, most=MAX_OF_ONE)
         most = MAX_LISTENERS - (0 if who.role >= Role.OPERATE else FOR_OPERATORS)
         if len(self._listeners) >= most:
-            raise Refusal.told(429, "too_often", "many_listeners", most=most)
+            raise Refusal.of(429, "too_often", "many_listeners", most=most)
 
     def tell(self, topic: str, data: Any) -> None:
         """Tell all listeners of the topic."""
         told: dict[str, tuple[str, Any]] = {}
         for listener in self._listeners:
             if listener.language not in told:
-                words = messages.told(data, listener.language)
+                words = messages.with_sentences(data, listener.language)
                 told[listener.language] = _text(topic, words), words
             listener.tell(topic, *told[listener.language])
 

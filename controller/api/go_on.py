@@ -21,7 +21,7 @@ from controller.api.roles import Control
 from controller.api.service_client import ServiceClient
 from controller.api.store import Store
 from controller.commands import table
-from controller.messages import Said, kept, said
+from controller.messages import Message, from_facts, message
 
 POLL_S = 0.5
 SILENT_S = 15.0  # a page that holds control is heard of every five seconds
@@ -36,7 +36,7 @@ class GoOn:
     def __init__(self, store: Store, door: ServiceClient, control: Control, note: Note) -> None:
         self._store, self._door, self._control, self._note = store, door, control, note
         self._since_s: float | None = None  # of the hold of control for which it was chosen; None: it is off
-        self.why: Said | None = None  # it ended
+        self.why: Message | None = None  # it ended
 
     @property
     def on(self) -> bool:
@@ -47,16 +47,16 @@ class GoOn:
         self._since_s = self._control.since_s if on else None
         self.why = None
 
-    def asked(self, verb: str) -> None:
-        """Somebody asks that of the machine."""
+    def on_command(self, verb: str) -> None:
+        """It ends when the machine gets a command of ``ENDS``."""
         if verb in ENDS:
             self.end("queue_stopped")
 
     def end(self, key: str, **values: Any) -> None:
         """Nothing starts by itself any more."""
-        self._end(said(key, **values))
+        self._end(message(key, **values))
 
-    def _end(self, why: Said) -> None:
+    def _end(self, why: Message) -> None:
         if self.on:
             self._since_s, self.why = None, why
 
@@ -111,7 +111,7 @@ class GoOn:
         if ready := told["mode"] == "READY" and _state(told, program) == state:
             return ready
         job: dict[str, Any] = told.get("job") or {}
-        self._end(kept(job) or said("queue_other", program=program))
+        self._end(from_facts(job) or message("queue_other", program=program))
         return False
 
 

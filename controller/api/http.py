@@ -49,7 +49,7 @@ from controller.api.routes import (
 )
 from controller.api.slashes import Slashes
 from controller.calibration.measurements import MEASUREMENTS
-from controller.messages import plain, said
+from controller.messages import message, plain
 from controller.version import VERSION
 
 API = "/api/v1"
@@ -137,7 +137,7 @@ def _refusals(app: FastAPI) -> None:
     @app.exception_handler(ClientDisconnect)
     async def gone(_: Request, error: ClientDisconnect) -> JSONResponse:
         # Nobody reads it any more; but one who goes away is no mistake of ours that belongs into a log.
-        return Refusal.told(422, "form", "request_cut").response()
+        return Refusal.of(422, "form", "request_cut").response()
 
     @app.exception_handler(HTTPException)
     async def no_route(request: Request, error: HTTPException) -> JSONResponse:
@@ -146,7 +146,7 @@ def _refusals(app: FastAPI) -> None:
             headers["Allow"] = ", ".join(sorted(_methods(request.scope["path"])))
         # 400 is a body that is no JSON: one more that is not as the description says.
         status = 422 if error.status_code == 400 else error.status_code
-        known = said(f"http.{status}") if status in DESCRIPTIONS else plain(str(error.detail))
+        known = message(f"http.{status}") if status in DESCRIPTIONS else plain(str(error.detail))
         text = error.said if isinstance(error, TooLarge) else known
         return Refusal(status, "http", text, headers=headers).response()
 
@@ -183,7 +183,7 @@ class TooLarge(HTTPException):
 
     def __init__(self, most: int) -> None:
         super().__init__(413)
-        self.said = said("body_large", most=most)
+        self.said = message("body_large", most=most)
 
 
 class Bounds:

@@ -81,14 +81,14 @@ async def metrics(request: Request) -> Response:
     with suppress(Refusal):
         status = await panel.watch.status()
         facts = await panel.door.ask("facts")
-    kept = await asyncio.to_thread(_kept, panel.store, panel.sizes)
+    kept = await asyncio.to_thread(_store_metrics, panel.store, panel.sizes)
     registry = CollectorRegistry(auto_describe=False)
     registry.register(_Figures(status, facts, kept, panel, request.app.version))
     headers = {"Vary": VARY, "Content-Language": spoken.get()}
     return Response(generate_latest(registry), media_type=KIND, headers=headers)
 
 
-def _kept(store: Store, sizes: Sizes) -> Kept:
+def _store_metrics(store: Store, sizes: Sizes) -> Kept:
     kept = Kept()
     with suppress(OSError):
         found = shutil.disk_usage(store.folder)

@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field, create_model
 
 from controller.api.answers import Texts
 from controller.commands.table import SWITCHES
-from controller.messages import Said
+from controller.messages import Message
 from controller.state import live_state
 from controller.state.live_state import DriveRow
 
@@ -55,7 +55,7 @@ def _of_tick() -> Fields:
 def _of_drives() -> Fields:
     hints = get_type_hints(DriveRow, include_extras=True)
     declared = {name: get_args(hints[name]) for name in DriveRow._fields}
-    shown = {name: Texts if kind == Said | None else kind for name, (kind, _) in declared.items()}
+    shown = {name: Texts if kind == Message | None else kind for name, (kind, _) in declared.items()}
     return {name: (shown[name] | None, Field(None, description=told)) for name, (_, told) in declared.items()}
 
 

@@ -27,7 +27,7 @@ from controller.api import names
 from controller.api.database import StoreError
 from controller.api.programs import Program
 from controller.api.uploads import Upload, Uploads
-from controller.messages import Key, said
+from controller.messages import Key, message
 
 logging.getLogger("python_multipart").setLevel(logging.ERROR)  # what is sent wrong is told to its sender
 
@@ -71,7 +71,7 @@ async def receive(
         while (chunk := await _next(chunks, began_s, form.taken, uploads)) is not None:
             form.taken += len(chunk)
             if form.taken > limits.most_bytes + MAX_FIELDS * (MAX_FIELD_BYTES + 4096):
-                raise StoreError.told("size", "upload_beyond", most=limits.most_bytes)
+                raise StoreError.of("size", "upload_beyond", most=limits.most_bytes)
             await asyncio.to_thread(form.feed, chunk)
         return await asyncio.to_thread(form.finish, in_use)
     finally:
@@ -86,7 +86,7 @@ async def _next(chunks: AsyncIterator[bytes], began_s: float, taken: int, upload
         return await asyncio.wait_for(anext(chunks, None), max(left_s, 0.001))
     except TimeoutError as error:
         pace = {"pause": limits.patience_s, "pace": limits.slowest_bytes_s}
-        raise StoreError.told("slow", "upload_slow", **pace) from error
+        raise StoreError.of("slow", "upload_slow", **pace) from error
 
 
 class _Form:
@@ -107,13 +107,13 @@ class _Form:
         try:
             self._parser.write(chunk)
         except FormParserError as error:
-            raise StoreError("form", said("upload.no_form", why=error, send=SEND)) from error
+            raise StoreError("form", message("upload.no_form", why=error, send=SEND)) from error
 
     def finish(self, in_use: Callable[[], Collection[str]]) -> Received:
         if not self._ended:
-            raise StoreError.told("form", "upload_cut")
+            raise StoreError.of("form", "upload_cut")
         if self._upload is None:
-            raise StoreError("form", said("upload.no_file", send=SEND))
+            raise StoreError("form", message("upload.no_file", send=SEND))
         self._upload.named(self._fields.get("name"), _size(self._fields))
         sha256 = self._fields.get("sha256") or self._fields.get("checksum")
         return Received(self._upload.commit(in_use(), sha256), self._fields)
@@ -124,7 +124,9 @@ class _Form:
     def _made(self, content_type: str) -> MultipartParser:
         kind, options = parse_options_header(content_type)
         if kind != b"multipart/form-data" or not options.get(b"boundary"):
-            raise StoreError("form", said("upload.content_type", found=names.shown(content_type), send=SEND))
+            raise StoreError(
+                "form", message("upload.content_type", found=names.shown(content_type), send=SEND)
+            )
         try:
             return MultipartParser(
                 options[b"boundary"],
@@ -140,13 +142,13 @@ class _Form:
                 },
             )
         except FormParserError as error:
-            raise StoreError("form", said("upload.wrong", why=error, send=SEND)) from error
+            raise StoreError("form", message("upload.wrong", why=error, send=SEND)) from error
 
     # ---- what the parser tells, in its order
 
     def _begin(self) -> None:
         if len(self._fields) >= MAX_FIELDS:
-            raise StoreError("form", said("upload.fields", max_fields=MAX_FIELDS, send=SEND))
+            raise StoreError("form", message("upload.fields", max_fields=MAX_FIELDS, send=SEND))
         self._part = _Part()
 
     def _collect(self, which: int, data: bytes, start: int, end: int) -> None:
@@ -161,7 +163,7 @@ class _Form:
         if self._part.file_name is None:
             return
         if self._upload is not None:
-            raise StoreError("form", said("upload.files", send=SEND))
+            raise StoreError("form", message("upload.files", send=SEND))
         # A ``name`` that came before the file counts instead of the file's own.
         name = self._fields.get("name") or self._part.file_name
         self._upload = self._open.enter_context(self._uploads.begin(name, by=self._by))
@@ -172,7 +174,7 @@ class _Form:
             return
         self._part.text += data[start:end]
         if len(self._part.text) > MAX_FIELD_BYTES:
-            raise StoreError("form", said("upload.field_long", max_field_bytes=MAX_FIELD_BYTES, send=SEND))
+            raise StoreError("form", message("upload.field_long", max_field_bytes=MAX_FIELD_BYTES, send=SEND))
 
     def _end(self) -> None:
         if self._part.file_name is None:
@@ -187,7 +189,7 @@ def _names(headers: list[tuple[bytes, bytes]]) -> tuple[str, str | None]:
     value = next((value for key, value in headers if key == b"content-disposition"), b"")
     kind, options = parse_options_header(value)
     if kind != b"form-data" or b"name" not in options:
-        raise StoreError("form", said("upload.no_field", send=SEND))
+        raise StoreError("form", message("upload.no_field", send=SEND))
     field_name = options[b"name"].decode("utf-8", "replace")
     if b"filename" in options:
         return field_name, options[b"filename"].decode("utf-8", "replace")
@@ -205,5 +207,5 @@ def _size(fields: dict[str, str]) -> int | None:
     if "size" not in fields:
         return None
     if not fields["size"].isascii() or not fields["size"].isdigit():
-        raise StoreError("form", said("upload.size", found=names.shown(fields["size"])))
+        raise StoreError("form", message("upload.size", found=names.shown(fields["size"])))
     return int(fields["size"])

@@ -23,7 +23,7 @@ def check(name: str) -> str:
     if problem := _problem(plain := unicodedata.normalize("NFC", name)):
         key, sign = problem
         said = {"problem": Key(f"name.{key}"), "allowed": Key("allowed_name")}
-        raise StoreError.told("name", "bad_name", name=shown(name), sign=sign, most=LONGEST, **said)
+        raise StoreError.of("name", "bad_name", name=shown(name), sign=sign, most=LONGEST, **said)
     return plain
 
 

@@ -42,7 +42,7 @@ class NoticeSettings:
     to: str = ""  # addresses, by commas
 
     @property
-    def wanted(self) -> bool:
+    def is_enabled(self) -> bool:
         """Whether anything is sent at all."""
         return bool(self.webhook or self.host)
 
@@ -59,18 +59,18 @@ class NoticeSettings:
     def check(self) -> None:
         """Raises StoreError with code "form"."""
         if self.webhook and not _is_url(self.webhook):
-            raise StoreError.told("form", "notice_url")
+            raise StoreError.of("form", "notice_url")
         if self.host and not _HOST.fullmatch(self.host):
-            raise StoreError.told("form", "notice_host", host=self.host)
+            raise StoreError.of("form", "notice_host", host=self.host)
         if self.host:
             self._check_mail()
 
     def _check_mail(self) -> None:
         for address in (self.sender, *(self.receivers or [""])):
             if not _ADDRESS.fullmatch(address):
-                raise StoreError.told("form", "notice_address", address=address)
+                raise StoreError.of("form", "notice_address", address=address)
         if self.user and self.security == "none":
-            raise StoreError.told("form", "notice_plain")
+            raise StoreError.of("form", "notice_plain")
 
 
 OFF = NoticeSettings()
@@ -111,8 +111,8 @@ def keep(values: Values, settings: NoticeSettings, by: str) -> None:
     values.put({PREFIX + name: value for name, value in told.items()}, by)
 
 
-def note_told(marks: Values, newest: tuple[int, int] | None) -> tuple[int, int] | None:
-    """Keep the numbers of the newest alarm and run (None: nothing is told); the numbers kept before."""
+def mark_sent(marks: Values, newest: tuple[int, int] | None) -> tuple[int, int] | None:
+    """Store the numbers of the newest alarm and run (None: nothing is sent); those stored before."""
     kept = marks.get(TOLD)
     before = tuple(kept) if isinstance(kept, list) else None
     if newest is None and before is not None:

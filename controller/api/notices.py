@@ -31,7 +31,7 @@ from controller.api.database import StoreError
 from controller.api.notice_settings import NoticeSettings
 from controller.api.service_client import Watch
 from controller.api.store import Alarm, Run, Store
-from controller.messages import Key, Said, kept, plain, reason, said
+from controller.messages import Key, Message, from_facts, message, plain, reason
 
 POLL_S = 1.0
 TRIES = 3
@@ -47,7 +47,7 @@ class Outcome:
 
     at_s: float
     sent: bool
-    why: Said | None = None  # it was not
+    why: Message | None = None  # it was not
 
 
 class Notices:
@@ -79,19 +79,19 @@ class Notices:
     async def look(self) -> None:
         """Send what is new; nothing is asked of the machine where nobody wants to know. Raises StoreError."""
         settings = await asyncio.to_thread(self.settings)
-        for notice in await asyncio.to_thread(self._kept, settings):
+        for notice in await asyncio.to_thread(self._new_notices, settings):
             self.send(notice)
-        if settings.wanted and settings.tool_change:
+        if settings.is_enabled and settings.tool_change:
             await self._look_at_tool()
 
-    def _kept(self, settings: NoticeSettings) -> list[Notice]:
-        """What came into the lists since the last look, also where this process was ended meanwhile."""
-        if not settings.wanted:
-            notice_settings.note_told(self._store.marks, None)
+    def _new_notices(self, settings: NoticeSettings) -> list[Notice]:
+        """Notices of alarms and runs that came since the last look, also while this process did not run."""
+        if not settings.is_enabled:
+            notice_settings.mark_sent(self._store.marks, None)
             return []
         alarms, runs = self._store.alarms.list(MAX_NEW), self._store.runs.list(MAX_NEW)
         newest = (alarms[0].id if alarms else 0, runs[0].id if runs else 0)
-        known = notice_settings.note_told(self._store.marks, newest) or newest
+        known = notice_settings.mark_sent(self._store.marks, newest) or newest
         told = [of_alarm(one) for one in alarms[::-1] if settings.alarms and one.id > known[0]]
         ends = [one for one in runs[::-1] if one.id > known[1] and one.program != TYPED]
         return [*told, *(of_run(one) for one in ends if settings.program_end)]
@@ -100,7 +100,7 @@ class Notices:
         with contextlib.suppress(Refusal):  # a service that is away asks for nothing
             status = await self._watch.status()
             asked = status.get("tool_change") or status.get("spindle_change")
-            if asked and asked != self._asked and (words := kept(asked)) is not None:
+            if asked and asked != self._asked and (words := from_facts(asked)) is not None:
                 self.send(Notice("tool_change", time.time(), words, {"tool": asked.get("number")}))
             self._asked = asked
 
@@ -114,10 +114,10 @@ class Notices:
     async def test(self, settings: NoticeSettings) -> None:
         """One by every way that is set, once, past what waits. Raises Refusal while another one is sent."""
         if self._testing:
-            raise Refusal.told(409, "busy", "notice_testing")
+            raise Refusal.of(409, "busy", "notice_testing")
         self._testing = True
         try:
-            notice = Notice("test", time.time(), said("notice.test"))
+            notice = Notice("test", time.time(), message("notice.test"))
             wanted = [self.ways[name] for name in ways(settings)]
             await asyncio.gather(*(asyncio.to_thread(way.deliver, notice, settings) for way in wanted))
         finally:
@@ -174,20 +174,20 @@ class Way:
             if self.deliver(notice, settings).sent or pause_s is None or self._ended.wait(pause_s):
                 return
 
-    def _note(self, why: Said | str | None) -> Outcome:
-        told = None if why is None else said("notice_failed", way=Key(f"way.{self.name}"), why=why)
+    def _note(self, why: Message | str | None) -> Outcome:
+        told = None if why is None else message("notice_failed", way=Key(f"way.{self.name}"), why=why)
         self.last = Outcome(time.time(), why is None, told)
         return self.last
 
 
 def of_alarm(alarm: Alarm) -> Notice:
     facts = {"name": alarm.name, "axis": alarm.axis or None}
-    told = kept({"key": alarm.key, "values": alarm.values})
+    told = from_facts({"key": alarm.key, "values": alarm.values})
     return Notice("alarm", alarm.at_s, told or plain(alarm.sentence), facts)
 
 
 def of_run(run: Run) -> Notice:
-    words = said("notice.end", program=run.program, result=in_words(run.result))
+    words = message("notice.end", program=run.program, result=in_words(run.result))
     facts = {"program": run.program, "result": run.result, "run": run.id}
     return Notice("program_end", run.ended_s or run.began_s, words, facts)
 
@@ -220,7 +220,7 @@ class Notice:
 
     event: str  # 'alarm', 'program_end', 'tool_change', 'test'
     at_s: float  # seconds since 1970
-    said: Said
+    said: Message
     facts: Mapping[str, Any] = field(default_factory=dict)
 
     def text(self, settings: NoticeSettings) -> str:
@@ -327,7 +327,7 @@ class _SmtpTls(_Bounded, smtplib.SMTP_SSL):
 # ---- what went wrong
 
 
-def why_not(error: Exception) -> Said | str:
+def why_not(error: Exception) -> Message | str:
     """Without a word of the server's, nor the address that was asked."""
     if isinstance(error, NotTaken):
         return f"HTTP {error.status}"

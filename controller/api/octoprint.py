@@ -103,7 +103,7 @@ async def octoprint_printer(request: Request) -> dict[str, Any]:
     """The state as flags; 409 where the machine is off, in a fault, or not there, as OctoPrint has it."""
     text, flags = _state(await _status(panel_of(request)))
     if "operational" not in flags:
-        raise Refusal.told(409, "refused", "not_operational", state=text)
+        raise Refusal.of(409, "refused", "not_operational", state=text)
     said = {"text": text, "flags": {flag: flag in flags for flag in FLAGS}}
     return {"temperature": {}, "sd": {"ready": False}, "state": said}
 
@@ -155,7 +155,7 @@ async def octoprint_command(
 async def _verb(panel: Panel, body: JobCommand) -> str:
     """The service's. Raises Refusal for what the machine does not do."""
     if body.command == "restart":
-        raise Refusal.told(409, "refused", "no_restart")
+        raise Refusal.of(409, "refused", "no_restart")
     if body.command != "pause":
         return {"start": "start", "cancel": "stop"}[body.command]
     if body.action != "toggle":

@@ -15,7 +15,7 @@ from controller.api.database import Database, StoreError
 from controller.api.records import Clock
 from controller.messages import Key
 
-MOST = 100  # entries
+MAX_ENTRIES = 100  # entries
 COUNTED = "queue.run"  # the mark: the newest run that was looked at
 
 
@@ -58,10 +58,10 @@ class Queue:
         """At the end. Raises StoreError: missing, many."""
         with self._database.write() as sql:
             if not sql.execute("SELECT 1 FROM programs WHERE name = ?", (program,)).fetchone():
-                raise StoreError.told("missing", "missing", what=Key("what.program"), name=program)
+                raise StoreError.of("missing", "missing", what=Key("what.program"), name=program)
             length, last = sql.execute("SELECT COUNT(*), COALESCE(MAX(place), 0) FROM queue").fetchone()
-            if length >= MOST:
-                raise StoreError.told("many", "queue_full", most=MOST)
+            if length >= MAX_ENTRIES:
+                raise StoreError.of("many", "queue_full", most=MAX_ENTRIES)
             done = sql.execute(
                 "INSERT INTO queue (place, program, count, done, added_s, added_by) "
                 "VALUES (?, ?, ?, 0, ?, ?)",
@@ -127,4 +127,4 @@ def _entry(row: sqlite3.Row) -> Entry:
 
 
 def _missing(number: int) -> StoreError:
-    return StoreError.told("missing", "missing", what=Key("what.entry"), name=number)
+    return StoreError.of("missing", "missing", what=Key("what.entry"), name=number)

@@ -22,7 +22,7 @@ from controller import atomic_file, own_files
 from controller.api import names
 from controller.api.database import Database, StoreError
 from controller.api.records import Clock, Facts
-from controller.messages import Key, said
+from controller.messages import Key, message
 from controller.program import linked
 
 CHUNK = 1 << 20
@@ -63,7 +63,7 @@ class Programs:
         try:
             own_files.make_folder(self.incoming, folder.parent)
         except OSError as error:
-            raise StoreError("store", said("store.no_folder", folder=folder, why=error)) from error
+            raise StoreError("store", message("store.no_folder", folder=folder, why=error)) from error
 
     def now_s(self) -> float:
         return self._clock()
@@ -98,7 +98,7 @@ class Programs:
             while data := found.read(CHUNK):
                 summed.update(data)
             if summed.hexdigest() != sha256:
-                raise StoreError.told("store", "program_damaged", file=self.path(sha256))
+                raise StoreError.of("store", "program_damaged", file=self.path(sha256))
             found.seek(0)
             return found
         except BaseException:
@@ -154,7 +154,7 @@ class Programs:
             try:
                 return program, self.content(program.sha256)
             except OSError as error:
-                raise StoreError.told("store", "store_unread", file=name, why=error) from error
+                raise StoreError.of("store", "store_unread", file=name, why=error) from error
 
     def keep(self, new: Path, program: Program, in_use: Collection[str] = ()) -> Program:
         """Take a complete, synced file of the incoming folder over as ``program``, whole or not at all.
@@ -183,7 +183,7 @@ class Programs:
             old = self._needed(sql, name)
             _free(old, in_use)
             if to != name and _named(sql, to):
-                raise StoreError.told("exists", "exists", what=Key("what.program"), name=to)
+                raise StoreError.of("exists", "exists", what=Key("what.program"), name=to)
             _rename(sql, {name: to})
         return self.get(to)
 
@@ -197,11 +197,11 @@ class Programs:
             there = {row[0] for row in sql.execute("SELECT name FROM programs")}
             moved = {name: names.check(to + name[len(folder) :]) for name in there if _within(folder, name)}
             if not moved:
-                raise StoreError.told("missing", "missing", what=Key("what.folder"), name=names.shown(folder))
+                raise StoreError.of("missing", "missing", what=Key("what.folder"), name=names.shown(folder))
             for name in moved:
                 _free(self._needed(sql, name), in_use)
             if taken := sorted(set(moved.values()) & (there - set(moved))):
-                raise StoreError.told("exists", "exists", what=Key("what.program"), name=taken[0])
+                raise StoreError.of("exists", "exists", what=Key("what.program"), name=taken[0])
             _rename(sql, moved)
         return moved
 
@@ -313,11 +313,11 @@ def _named(sql: sqlite3.Connection, name: str) -> Program | None:
 
 def _free(program: Program, in_use: Collection[str]) -> None:
     if program.name in in_use or program.sha256 in in_use:
-        raise StoreError.told("running", "in_use", program=program.name)
+        raise StoreError.of("running", "in_use", program=program.name)
 
 
 def _missing(name: str) -> StoreError:
-    return StoreError.told("missing", "missing", what=Key("what.program"), name=names.shown(name))
+    return StoreError.of("missing", "missing", what=Key("what.program"), name=names.shown(name))
 
 
 def _values(program: Program) -> tuple[Any, ...]:

@@ -15,7 +15,7 @@ from typing import Any
 
 from controller.api import log_in_marker
 from controller.api.database import Database, StoreError
-from controller.messages import Key, Said, plain, said
+from controller.messages import Key, Message, message, plain
 
 Facts = Mapping[str, Any]
 Clock = Callable[[], float]
@@ -147,7 +147,7 @@ def _add_facts(sql: sqlite3.Connection, run: int, facts: Facts) -> None:
     """Adds to those that the run has. Raises StoreError where it is gone."""
     row = sql.execute("SELECT facts FROM runs WHERE id = ?", (run,)).fetchone()
     if row is None:
-        raise StoreError.told("missing", "missing", what=Key("what.run"), name=run)
+        raise StoreError.of("missing", "missing", what=Key("what.run"), name=run)
     sql.execute("UPDATE runs SET facts = ? WHERE id = ?", (_json({**json.loads(row["facts"]), **facts}), run))
 
 
@@ -158,7 +158,7 @@ class Alarms:
     _database: Database
     _clock: Clock = time.time
 
-    def add(self, name: str, said: Said | str, axis: str = "", **facts: Any) -> int:
+    def add(self, name: str, said: Message | str, axis: str = "", **facts: Any) -> int:
         """An alarm is raised; its number."""
         with self._database.write() as sql:
             done = sql.execute(
@@ -176,7 +176,7 @@ class Alarms:
                 (self._clock(), by, alarm),
             )
         if (found := self.get(alarm)) is None:
-            raise StoreError.told("missing", "missing", what=Key("what.alarm"), name=alarm)
+            raise StoreError.of("missing", "missing", what=Key("what.alarm"), name=alarm)
         return found
 
     def list(self, most: int = 100, before: int | None = None, open_only: bool = False) -> list[Alarm]:
@@ -263,14 +263,14 @@ class Users:
         return log_in_marker.users(self._state)
 
     @property
-    def lost(self) -> Said | None:
+    def lost(self) -> Message | None:
         """What is said where the store has fewer users than there are; None: all is well."""
         there, known = len(self.all()), self.known()
         if there:
             fewer = known is not None and there < known
-            return said("users_lost_some", were=known, are=there) if fewer else None
+            return message("users_lost_some", were=known, are=there) if fewer else None
         where = {"file": self._database.file, "folder": self._state}
-        return None if known == 0 else said("users_lost", **where)
+        return None if known == 0 else message("users_lost", **where)
 
     @property
     def _state(self) -> Path:
@@ -281,7 +281,7 @@ class Users:
         try:
             log_in_marker.write(self._state, count)
         except OSError as error:
-            raise StoreError.told("store", "store_unwritten", file=self._state, why=error) from error
+            raise StoreError.of("store", "store_unwritten", file=self._state, why=error) from error
 
     def get(self, name: str) -> User | None:
         return next((user for user in self.all() if user.name == name), None)
@@ -300,7 +300,7 @@ class Users:
         with self._database.write() as sql:
             known = self.known()
             if not sql.execute("DELETE FROM users WHERE name = ?", (name,)).rowcount:
-                raise StoreError.told("missing", "missing", what=Key("what.user"), name=name)
+                raise StoreError.of("missing", "missing", what=Key("what.user"), name=name)
             there = _users(sql)
         if there or known is not None:
             self._mark(max(there, (known or 1) - 1))
@@ -335,7 +335,7 @@ class Users:
                     (sha256, name, role, now_s, by, expires_s),
                 )
         except sqlite3.IntegrityError as error:
-            raise StoreError.told("exists", "exists", what=Key("what.token"), name=name) from error
+            raise StoreError.of("exists", "exists", what=Key("what.token"), name=name) from error
         return expires_s
 
     def sessions(self) -> list[tuple[str, str, str, float, float]]:
@@ -354,7 +354,7 @@ class Users:
     def remove_token(self, name: str) -> None:
         with self._database.write() as sql:
             if not sql.execute("DELETE FROM tokens WHERE name = ?", (name,)).rowcount:
-                raise StoreError.told("missing", "missing", what=Key("what.token"), name=name)
+                raise StoreError.of("missing", "missing", what=Key("what.token"), name=name)
 
 
 @dataclass(slots=True)
@@ -395,7 +395,7 @@ def _json(value: Any) -> str:
 
 def _role(role: str) -> None:
     if role not in ROLES:
-        raise StoreError("form", said("store.role", role=role, names=", ".join(ROLES)))
+        raise StoreError("form", message("store.role", role=role, names=", ".join(ROLES)))
 
 
 def _run(row: sqlite3.Row) -> Run:

@@ -55,7 +55,7 @@ class Control:
     def take(self, who: Principal, take_over: bool = False) -> str:
         """A new token, shown only here. Raises Refusal while somebody holds it, unless taken over."""
         if self.holder and not take_over:
-            raise Refusal.told(409, "control", "control_held", holder=self.holder)
+            raise Refusal.of(409, "control", "control_held", holder=self.holder)
         self.holder, self.since_s, self._token = who.name, time.time(), secrets.token_urlsafe(16)
         self.heard_s = time.monotonic()
         return self._token
@@ -79,4 +79,4 @@ class Control:
         """Raises Refusal where ``token`` is not the one that was given last."""
         if self.holds(token):
             return
-        raise Refusal.told(409, "control", "no_control", holder=self.holder or Key("nobody"))
+        raise Refusal.of(409, "control", "no_control", holder=self.holder or Key("nobody"))

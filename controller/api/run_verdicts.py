@@ -17,7 +17,7 @@ from controller.api.checker import Errand
 from controller.api.records import Run
 from controller.api.run_report import AS_CUT
 from controller.api.store import Store
-from controller.messages import said
+from controller.messages import message
 from controller.program.surface_codes import may_cut
 from controller.state.record_files import ACTUAL, PROGRAM, RUNS
 
@@ -58,7 +58,7 @@ class RunVerdicts:
         try:
             answer = await self._errand.run({"record": str(record)}, NoAnswer(), NoAnswer())
         except NoAnswer:
-            answer = {"refused": said("run_verdict_failed", record=record.name, hours=LONGEST_S / 3600.0)}
+            answer = {"refused": message("run_verdict_failed", record=record.name, hours=LONGEST_S / 3600.0)}
         await asyncio.to_thread(self._store.runs.add_facts, found.id, **{AS_CUT: answer})
         return True
 

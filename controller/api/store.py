@@ -40,7 +40,7 @@ from controller.api.records import (
     Values,
 )
 from controller.api.uploads import Upload, UploadLimits, Uploads
-from controller.messages import Said, said
+from controller.messages import Message, message
 
 DAMAGED = "STORE_DAMAGED"  # an alarm
 
@@ -81,9 +81,9 @@ class Store:
         self.audit = Audit(database, clock)
         if (aside := database.lost) is not None:
             self.programs.recover()
-            self.report(said("store_lost", file=database.file, aside=aside.name))
+            self.report(message("store_lost", file=database.file, aside=aside.name))
 
-    def report(self, what: Said) -> None:
+    def report(self, what: Message) -> None:
         """An alarm that something was lost, once. Raises StoreError."""
         if not any(
             one.name == DAMAGED and one.key == what["key"] for one in self.alarms.list(open_only=True)
@@ -97,7 +97,7 @@ class Store:
         if (damaged := self.database.take_out_damaged()) is not None:
             self.programs.recover()
             tables, aside = damaged
-            self.report(said("store_rows", file=self.database.file, tables=tables, aside=aside.name))
+            self.report(message("store_rows", file=self.database.file, tables=tables, aside=aside.name))
         return self.uploads.sweep() + self.programs.sweep()
 
     def close(self) -> None:

@@ -69,7 +69,7 @@ def unpacked(told: dict[str, Any]) -> Array:
     try:
         return packed_rows.unpacked(told)
     except ValueError as error:
-        raise Refusal.told(503, "version", "other_version") from error
+        raise Refusal.of(503, "version", "other_version") from error
 
 
 def machine_of(state: Path) -> Machine:
@@ -77,7 +77,7 @@ def machine_of(state: Path) -> Machine:
     try:
         return _noted(state, *(_stamp(state / name) for name in (setup_data.MACHINE, setup_data.FILE)))
     except (ConfigError, OSError, ValueError, KeyError) as error:
-        raise Refusal.told(404, "missing", "no_machine") from error
+        raise Refusal.of(404, "missing", "no_machine") from error
 
 
 @lru_cache(maxsize=4)
@@ -119,7 +119,7 @@ def _run(file: Path, machine: Machine, *_: int) -> Signals:
 
 
 def _unreadable(file: Path) -> Refusal:
-    return Refusal.told(404, "missing", "no_ticks", file=f"{file.parent.name}/{file.name}")
+    return Refusal.of(404, "missing", "no_ticks", file=f"{file.parent.name}/{file.name}")
 
 
 def _stamp(file: Path) -> tuple[int, int]:

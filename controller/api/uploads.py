@@ -66,7 +66,7 @@ class Uploads:
         if size is not None:
             self._fits(size)
         if not self._places.acquire(blocking=False):
-            raise StoreError.told("many", "upload_many", name=name, most=self.limits.at_once)
+            raise StoreError.of("many", "upload_many", name=name, most=self.limits.at_once)
         try:
             with _part(self._programs.incoming) as part:
                 yield Upload(self._programs, self, *part, name, sha256, size, by)
@@ -75,7 +75,7 @@ class Uploads:
 
     def _fits(self, size: int) -> None:
         if size > self.limits.most_bytes:
-            raise StoreError.told("size", "upload_large", size=size, most=self.limits.most_bytes)
+            raise StoreError.of("size", "upload_large", size=size, most=self.limits.most_bytes)
         self.room(size)
 
     def room(self, size: int) -> None:
@@ -83,7 +83,7 @@ class Uploads:
         free = shutil.disk_usage(self._programs.incoming).free
         if free < size + self.limits.free_bytes:
             kept = self.limits.free_bytes
-            raise StoreError.told("space", "upload_room", left=free >> 20, kept=kept >> 20)
+            raise StoreError.of("space", "upload_room", left=free >> 20, kept=kept >> 20)
 
     def sweep(self) -> int:
         """Remove temporary files of dead processes; how many."""
@@ -121,7 +121,7 @@ class Upload:
         self.received += len(chunk)
         if self.received > min(self._uploads.limits.most_bytes, self._size or self.received):
             most = min(self._uploads.limits.most_bytes, self._size or self.received)
-            raise StoreError.told("size", "upload_more", name=self.name, most=most)
+            raise StoreError.of("size", "upload_more", name=self.name, most=most)
         if self.received - self._looked >= LOOK_EVERY:
             self._uploads.room(len(chunk))
             self._looked = self.received
@@ -153,12 +153,12 @@ class Upload:
 
     def _whole(self, found: str, expected: str | None) -> None:
         if not self.received:
-            raise StoreError.told("empty", "upload_empty", name=self.name)
+            raise StoreError.of("empty", "upload_empty", name=self.name)
         if self._size is not None and self.received != self._size:
             came = {"came": self.received, "size": self._size}
-            raise StoreError.told("cut", "upload_fewer", name=self.name, **came)
+            raise StoreError.of("cut", "upload_fewer", name=self.name, **came)
         if expected is not None and found != expected:
-            raise StoreError.told("sha256", "upload_sum", name=self.name, found=found, wanted=expected)
+            raise StoreError.of("sha256", "upload_sum", name=self.name, found=found, wanted=expected)
 
 
 @contextlib.contextmanager
@@ -200,7 +200,7 @@ def _full(name: str) -> Iterator[None]:
         full = error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
         code, remedy = ("space", "remedy.full") if full else ("store", "remedy.folder")
         said = {"name": name, "why": error, "remedy": Key(remedy)}
-        raise StoreError.told(code, "upload_failed", **said) from error
+        raise StoreError.of(code, "upload_failed", **said) from error
 
 
 def _hash(sha256: str | None) -> str | None:
@@ -209,5 +209,5 @@ def _hash(sha256: str | None) -> str | None:
         return None
     plain = sha256.strip().lower()
     if len(plain) != 64 or set(plain) - set("0123456789abcdef"):
-        raise StoreError.told("sha256", "bad_sum", found=names.shown(sha256))
+        raise StoreError.of("sha256", "bad_sum", found=names.shown(sha256))
     return plain

@@ -28,7 +28,7 @@ from controller.api.records import Token, User
 from controller.api.records import Users as Rows
 from controller.api.roles import Principal, Role
 from controller.api.sessions import Sessions, csrf_of, sha256
-from controller.messages import Said
+from controller.messages import Message
 
 FREE_TRIES = 5  # wrong passwords from an address before it has to wait
 CROWD_TRIES = 100  # of one name, from all addresses that are strange to it
@@ -72,7 +72,7 @@ class Brake:
         wait_s = max(self._tries[key].wait_s(now_s) if key in self._tries else 0.0 for key in keys)
         if wait_s > 0.0:
             later = {"Retry-After": str(int(wait_s) + 1)}
-            raise Refusal.told(429, "too_often", "too_often", headers=later, seconds=wait_s)
+            raise Refusal.of(429, "too_often", "too_often", headers=later, seconds=wait_s)
 
     def wrong(self, now_s: float, keys: Mapping[str, int]) -> None:
         self._tries = {key: tries for key, tries in self._tries.items() if tries.remembered(now_s) > 0.0}
@@ -108,7 +108,7 @@ class Users:
         self._brake = Brake()
         self._places: dict[tuple[str, str], None] = {}  # (name, address) of log-ins, latest last
         self._users: dict[str, User] = {}
-        self.lost: Said | None = None  # what is said of users that the store has lost
+        self.lost: Message | None = None  # what is said of users that the store has lost
         self._marks: dict[str, str] = {}  # of users: of password and role
         self._tokens: dict[str, Token] = {}  # by SHA-256
         self.refresh()
@@ -134,7 +134,7 @@ class Users:
         """Raises Refusal where there were users and the store has none any more: nobody can log in."""
         if self.lost is not None and not self._users:
             more, headers = self.lost["values"], {"WWW-Authenticate": "Bearer"}
-            raise Refusal.told(401, "log_in", self.lost["key"], headers=headers, **more)
+            raise Refusal.of(401, "log_in", self.lost["key"], headers=headers, **more)
 
     @cached_property
     def _nobody(self) -> str:
@@ -158,7 +158,7 @@ class Users:
         async with self._hashing:
             right = await asyncio.to_thread(self._verify, user, password)
         if user is None or not right:
-            raise Refusal.told(401, "log_in", "wrong_password")
+            raise Refusal.of(401, "log_in", "wrong_password")
         self._brake.right(keys)
         self._remember(name, address)
         begun = self.begin(name, Role.named(user.role))
@@ -200,7 +200,7 @@ class Users:
             return None
         self._tokens[key] = found
         if found.expires_s is not None and self._wall() >= found.expires_s:
-            raise Refusal.told(401, "token", "token_expired", name=found.name)
+            raise Refusal.of(401, "token", "token_expired", name=found.name)
         return Principal(f"token {found.name}", Role.named(found.role), "token")
 
     def log_out(self, cookie: str) -> None:

@@ -17,14 +17,14 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq, minimize_scalar
 
 from controller.cad.arcs import Arc, Ruled, Scale, Trimmed, place
-from controller.messages import said
+from controller.messages import message
 
 Array = NDArray[np.float64]
 
 # Tangents of the angle between a bound and the way across the rulings.
 STEEPEST, STEEPEST_AT_MATERIAL = 6.0, 10.0
 SHORT_MM, SHORT_SHARE = 1.0, 0.2  # rulings are prolonged to this, or to so much of the longest
-LEAST_MM = 0.02  # shorter ones, with material at both ends, are left
+MIN_MM = 0.02  # shorter ones, with material at both ends, are left
 NODES = 33  # of an arc
 WITHIN = 1e-3  # share of an arc
 PROBES = np.array([0.02, 0.1, 0.3, 0.6, 1.0])  # places of a prolongation, shares
@@ -306,10 +306,10 @@ def _without_ends(
     face: Ruled, along: tuple[float, float], made: tuple[Bound, Bound], a: Array, length: Array
 ) -> tuple[tuple[float, float], tuple[Bound, Bound], float, float]:
     """Ends whose rulings have next to no length are left; raises Trimmed where one inside has none."""
-    sound = np.flatnonzero(length > LEAST_MM)
+    sound = np.flatnonzero(length > MIN_MM)
     if not len(sound) or len(sound) < sound[-1] - sound[0] + 1:
         at = a[int(length.argmin())]
-        raise Trimmed(said("cad.no_length_at", at=place(face.point(float(at), made[0](float(at))))))
+        raise Trimmed(message("cad.no_length_at", at=place(face.point(float(at), made[0](float(at))))))
     cut = float(a[sound[0]]), float(a[sound[-1]])
     left = max(float(length[: sound[0] + 1].max(initial=0.0)), float(length[sound[-1] :].max(initial=0.0)))
     bounds = [_over(bound, cut) for bound in made]

@@ -21,7 +21,7 @@ import numpy as np
 
 from controller.cad.arcs import Arc, CurveOfPlane, Ruled, Scale, Trimmed, arcs_of, clustered, place
 from controller.cad.bound import Bound, End, long_enough
-from controller.messages import said
+from controller.messages import message
 
 SLIVER_MM = 0.05  # what is left of a face is at most so wide
 
@@ -61,7 +61,7 @@ def clips(
     rows = [_cells(face, arcs, k, slab) for k, slab in enumerate(slabs)]
     found, left = _chains(rows, slabs, scale)
     if not found:
-        raise Trimmed(said("cad.no_length"))
+        raise Trimmed(message("cad.no_length"))
     thin = _audit(found, left, slabs, face, scale)
     return [_clip(face, chain, slabs, scale, (prolong_mm, clear_mm), thin) for chain in found]
 
@@ -74,7 +74,7 @@ def _cells(face: Ruled, arcs: Sequence[Arc], k: int, slab: tuple[float, float]) 
     middle = 0.5 * (slab[0] + slab[1])
     crossed = sorted((arc for arc in arcs if arc.start < middle < arc.end), key=lambda arc: arc(middle))
     if len(crossed) % 2:
-        raise Trimmed(said("cad.open_outline"))
+        raise Trimmed(message("cad.open_outline"))
     row: list[_Cell] = []
     for low, high in zip(crossed[::2], crossed[1::2], strict=True):
         if row and not _is_material(face, row[-1].high, low, slab):
@@ -174,7 +174,7 @@ def _audit(
             a = 0.5 * sum(slabs[cell.slab])
             beside = next((one for chain in found for one in chain if one.slab == cell.slab), cell)
             gap = 0.5 * (cell.high(a) + beside.low(a)) if beside.low(a) > cell.low(a) else cell.low(a)
-            raise Trimmed(said("cad.interrupted", at=place(face.point(a, gap))))
+            raise Trimmed(message("cad.interrupted", at=place(face.point(a, gap))))
         most = max(most, min(longest, width))
     return most
 

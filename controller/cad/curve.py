@@ -14,7 +14,7 @@ from scipy.interpolate import make_interp_spline
 
 from controller.geometry.splines import ORDERS, BadSpline, BSpline, check
 from controller.geometry.vectors import Vector
-from controller.messages import TextError, said
+from controller.messages import TextError, message
 
 Array = NDArray[np.float64]
 Shape = Callable[[Array], Array]  # shares (N,) from 0 to 1 -> points (N, 3)
@@ -129,7 +129,7 @@ def _part(shape: Shape, a: float, b: float, within_mm: float) -> Nurbs:
         before = float(off.max())
         halved = 0.5 * (share[:-1] + share[1:])[off > within_mm]
         share = np.sort(np.concatenate([share, halved]))
-    raise NoFit(said("cad.no_fit", spans=len(share) - 1, within_mm=within_mm * 1000.0))
+    raise NoFit(message("cad.no_fit", spans=len(share) - 1, within_mm=within_mm * 1000.0))
 
 
 def _joined(parts: Sequence[Nurbs]) -> Nurbs:

@@ -49,7 +49,7 @@ from OCP.TopoDS import TopoDS
 
 from controller.cad.curve import Nurbs
 from controller.geometry.vectors import Frame
-from controller.messages import TextError, said
+from controller.messages import TextError, message
 
 Array = NDArray[np.float64]
 Box = tuple[float, float, float, float]  # u from, to, v from, to
@@ -395,17 +395,17 @@ def read(path: Path, placed: Frame = Frame()) -> Part:  # noqa: B008  (frozen)
     _be_quiet()
     reader = STEPControl_Reader()
     if reader.ReadFile(str(path)) != IFSelect_ReturnStatus.IFSelect_RetDone:
-        raise CadError(said("cad.no_step", path=path))
+        raise CadError(message("cad.no_step", path=path))
     unit = _unit(reader)
     reader.TransferRoots()
     shape = reader.OneShape()
     if shape is None or shape.IsNull():
-        raise CadError(said("cad.no_shape", path=path))
+        raise CadError(message("cad.no_shape", path=path))
     shape = shape.Moved(TopLoc_Location(_moved(placed)))
     solids = [Solid(solid) for solid in _mapped(shape, TopAbs_ShapeEnum.TopAbs_SOLID)]
     faces = _mapped(shape, TopAbs_ShapeEnum.TopAbs_FACE)
     if not faces:
-        raise CadError(said("cad.no_face", path=path))
+        raise CadError(message("cad.no_face", path=path))
     made = [Face(i, TopoDS.Face(face), solids) for i, face in enumerate(faces, start=1)]
     return Part(made, unit, shape)
 

@@ -18,7 +18,7 @@ from controller.cad import words
 from controller.cad.curve import Array, Nurbs
 from controller.cad.strip import Strip
 from controller.machine.model import Machine, Tool
-from controller.messages import TextError, said
+from controller.messages import TextError, message
 
 MEET_MM = 1e-3  # ends of rulings that are nearer are one
 TWISTED_RAD = 1e-5
@@ -192,7 +192,7 @@ def fitting(strips: Sequence[Strip], machine: Machine) -> Tool:
         tightest, longest = _needed(strips)
         known = ", ".join(f"T{t.number} (r {t.radius_mm:g}, l {t.flute_mm:g} mm)" for t in machine.tools)
         key = "cad.no_tool_in_hollow" if tightest < math.inf else "cad.no_tool"
-        raise NoTool(said(key, radius=FITS * tightest, flute=longest, known=known))
+        raise NoTool(message(key, radius=FITS * tightest, flute=longest, known=known))
     return fits[0]
 
 

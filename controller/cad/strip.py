@@ -25,7 +25,7 @@ from controller.cad.outline import Outline, TurnedPlane
 from controller.geometry.defects import concave_radius, defect
 from controller.geometry.surfaces import RuledSurface
 from controller.geometry.vectors import Vector
-from controller.messages import Said, TextError, said
+from controller.messages import Message, TextError, message
 from controller.plan.surfaces.cuts import describe
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ STANDS_MORE, STANDS_MOSTLY = 0.1, 0.5  # shares of the way: rulings that stand o
 LOOKS_ALONG, LOOKS_ACROSS = 41, 9  # samples between two knots are at least these over a face
 LEVEL = 1e-9  # sine of the angle between a cone's axis and Z
 LEVEL_MM = 1e-9
-FITTED = said("cad.fitted")
+FITTED = message("cad.fitted")
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +55,7 @@ class Strip:
     off_ruled_mm: float  # how far the face's own curves leave the rulings
     right: bool  # the material is on the left of the travel, the cutter on its right
     cone: Cone | None = None  # where G51 says it
-    remarks: tuple[Said, ...] = ()
+    remarks: tuple[Message, ...] = ()
     is_whole_box: bool = False  # more than the face is cut
     base: RuledSurface | None = None  # the face's own surface, over the box about it
     prolonged_mm: float = 0.0  # of rulings beyond the face
@@ -128,7 +128,7 @@ class Cone:
 class NotRuled(TextError):
     """Why a face is not cut along rulings, and how far its curves leave straight lines."""
 
-    def __init__(self, reason: Said, off_ruled_mm: float = math.inf) -> None:
+    def __init__(self, reason: Message, off_ruled_mm: float = math.inf) -> None:
         super().__init__(reason)
         self.off_ruled_mm = off_ruled_mm
 
@@ -155,9 +155,9 @@ def strips(face: Face, how: How = How()) -> list[Strip]:
         straight = [] if face.kind == "plane" else _straight(face, how.within_mm)
         exposed = face.exposed()
         if not exposed:
-            raise NotRuled(said("cad.covered"), 0.0)
+            raise NotRuled(message("cad.covered"), 0.0)
         if how.other and len(straight) < 2:
-            raise NotRuled(said("cad.one_family"), 0.0)
+            raise NotRuled(message("cad.one_family"), 0.0)
         return _of_parts(exposed, straight, how)
     except Trimmed as error:
         raise NotRuled(error.said, 0.0) from None
@@ -180,7 +180,7 @@ def _of_parts(parts: Sequence[Face], straight: Sequence[bool], how: How) -> list
     if not found:
         raise reasons[0]
     covered = parts[0].covered
-    notes = [said("cad.covered_part", share=100.0 * covered)] if covered > 0.0 else []
+    notes = [message("cad.covered_part", share=100.0 * covered)] if covered > 0.0 else []
     return [replace(one, remarks=(*notes, *one.remarks)) for one in found]
 
 
@@ -192,7 +192,7 @@ def _straight(face: Face, within_mm: float) -> list[bool]:
     straight = [one for one in found if one.off_mm <= within_mm]
     if not straight:
         off = min(one.off_mm for one in found)
-        raise NotRuled(said("cad.not_straight", off=_words(off)), off)
+        raise NotRuled(message("cad.not_straight", off=_words(off)), off)
     # An exact ruling before a nearly straight one; the steeper of two, since tools stand rather than lie.
     straight.sort(key=lambda one: (one.off_mm > EXACT_MM, -one.steepness))
     return [one.along_u for one in straight]
@@ -234,7 +234,7 @@ def _quadrangle(face: Face, outline: Outline, corners: Array) -> Strip:
     sides = np.roll(corners, -1, axis=0) - corners
     turns = np.cross(np.roll(sides, 1, axis=0), sides)
     if (turns @ turns[0]).min() <= 0.0:
-        raise Trimmed(said("cad.inward_corner"))
+        raise Trimmed(message("cad.inward_corner"))
     steep = np.abs(sides[:, 2]) / np.linalg.norm(sides, axis=1)
     a, b, c, d = np.roll(corners, -1, axis=0) if steep[0] + steep[2] > steep[1] + steep[3] else corners
     low, high = (_line(a, b), _line(d, c)) if a[2] + b[2] <= d[2] + c[2] else (_line(d, c), _line(a, b))
@@ -265,7 +265,7 @@ def _plane(face: Face, outline: Outline, how: How) -> list[Strip]:
             return made
         found.append(made)
     if up is None:
-        raise Trimmed(said("cad.level"))
+        raise Trimmed(message("cad.level"))
     if not found:
         raise reasons[0]
     return max(found, key=lambda made: (made[0].stands, -max(each.prolonged_mm for each in made)))
@@ -333,7 +333,9 @@ class _Direction:
             if not how.whole:
                 raise
             made = self._strip(self.along, *self._box())
-            return [replace(made, is_whole_box=True, remarks=(said("cad.whole_box", trimmed=trimmed.said),))]
+            return [
+                replace(made, is_whole_box=True, remarks=(message("cad.whole_box", trimmed=trimmed.said),))
+            ]
         return [self._clipped(one) for one in found]
 
     def _clipped(self, clip: Clip) -> Strip:
@@ -383,7 +385,7 @@ class _Direction:
         share = np.linspace(0.02, 0.98, 25)
         way = high.at(share) - low.at(share)
         if float(np.linalg.norm(way, axis=1).max()) < LEVEL_MM:
-            raise Trimmed(said("cad.no_length"))
+            raise Trimmed(message("cad.no_length"))
         flipped = float(way[:, 2].mean()) < -1e-9 * float(np.linalg.norm(way, axis=1).mean())
         stands = _stand(self.face, low, high) - _stand(self.face, high, low)
         if abs(stands) > STANDS_MOSTLY:
@@ -392,7 +394,7 @@ class _Direction:
         right, cone = self._right(flipped, along), self._cone(lower, upper)
         made = Strip(self.face, upper, lower, self.off_mm, right, cone, stands=abs(stands))
         if np.linalg.norm(made.lower.points - made.lower.points[0], axis=1).max() < LEVEL_MM:
-            raise Trimmed(said("cad.lower_point"))
+            raise Trimmed(message("cad.lower_point"))
         return made
 
     def _box(self) -> tuple[Nurbs, Nurbs]:
@@ -450,15 +452,15 @@ def _stand(face: Face, at: Nurbs, other: Nurbs) -> float:
     return sum(buried) / STANDS
 
 
-def _remarks(clip: Clip) -> list[Said]:
+def _remarks(clip: Clip) -> list[Message]:
     """What a chain does beside the outline of its face."""
     found = [FITTED]
     if clip.bridges:
-        found.append(said("cad.bridged"))
+        found.append(message("cad.bridged"))
     if clip.prolonged_mm > EXACT_MM:
-        found.append(said("cad.prolonged", by=_words(clip.prolonged_mm)))
+        found.append(message("cad.prolonged", by=_words(clip.prolonged_mm)))
     if clip.left_mm > EXACT_MM:
-        found.append(said("cad.left", by=_words(clip.left_mm)))
+        found.append(message("cad.left", by=_words(clip.left_mm)))
     return found
 
 

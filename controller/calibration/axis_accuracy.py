@@ -30,7 +30,7 @@ from controller.machine.model import Axis
 Array = NDArray[np.float64]
 
 COLUMNS = ("target", "sense", "measured")
-MOST_ROWS = 100_000
+MAX_ROWS = 100_000
 SAME = 1e-4  # targets nearer to each other are one, mm or degrees
 
 
@@ -46,8 +46,8 @@ class Runs:
 def read(text: str, file: str) -> Runs:
     """A CSV of ``target, sense (1 or -1), measured`` in mm or degrees as shown. Raises Refusal."""
     rows = csv_table.read(text, COLUMNS, file)
-    if not 0 < len(rows) <= MOST_ROWS:
-        raise Refusal("how_many", file=file, count=len(rows), most=MOST_ROWS)
+    if not 0 < len(rows) <= MAX_ROWS:
+        raise Refusal("how_many", file=file, count=len(rows), most=MAX_ROWS)
     found: dict[tuple[float, float], list[float]] = defaultdict(list)
     for line, row in rows:
         target, sense, measured = (number(row, name, file, line) for name in COLUMNS)

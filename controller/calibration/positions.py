@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.calibration.refusal import Refusal
-from controller.calibration.rotary_fit import FIRST_SCATTER_MM, Known, Model
+from controller.calibration.rotary_fit import FIRST_SCATTER_MM, Model, PriorDeviations
 from controller.calibration.touch_table import Touches
 from controller.geometry.vectors import Vector, add, dot, norm, rotate, scale, unit
 from controller.machine.kinematics import kinematics_of
@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 GOAL_MM, GOAL_RAD = 0.001, math.radians(0.0005)
 MAX_LEAN_RAD = math.radians(95.0)
 GRID = 13  # places of each rotary that are looked at
-USUAL = Known(pitch_mm=5e-4)
+USUAL = PriorDeviations(pitch_mm=5e-4)
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +57,7 @@ def advise(
     sphere: Sphere,
     probe: Probe,
     count: int,
-    known: Known = USUAL,
+    known: PriorDeviations = USUAL,
     done: Touches | None = None,
 ) -> Advice:
     """``count`` positions more than what is ``done``. Raises Refusal where none is in reach."""
@@ -90,7 +90,7 @@ def _cost(information: Array, wanted: Array) -> float:
 
 
 def _informations(
-    machine: Machine, sphere: Sphere, each: list[Touches], known: Known, done: Touches | None
+    machine: Machine, sphere: Sphere, each: list[Touches], known: PriorDeviations, done: Touches | None
 ) -> tuple[list[Array], Array]:
     """Of every position what its touches tell of rotaries and sphere; and what is known without them."""
     scatter = known.scatter_mm or FIRST_SCATTER_MM

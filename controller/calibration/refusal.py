@@ -9,5 +9,5 @@ class Refusal(ValueError):
     """One sentence: ``said`` is its key and values, ``str`` of it English."""
 
     def __init__(self, key: str, **values: object) -> None:
-        self.said = messages.said(f"calibration.{key}", **values)
+        self.said = messages.message(f"calibration.{key}", **values)
         super().__init__(messages.text(self.said))

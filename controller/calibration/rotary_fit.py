@@ -38,14 +38,14 @@ DONE = 1e-3  # of a standard deviation: nothing moves any more
 UNSEEN = 0.5  # of the prior's deviation: what is left above it was not seen by the touches
 LEVER_MM = 100.0  # at which an angle counts as much as a length
 STEP, TURN = 1e-4, 1e-6  # of difference quotients, mm and rad
-FIRST_SCATTER_MM, LEAST_SCATTER_MM = 1e-3, 1e-4
+FIRST_SCATTER_MM, MIN_SCATTER_MM = 1e-3, 1e-4
 PITCHES_MM = (2e-4, 5e-4, 1e-3, 2e-3, 4e-3, 8e-3, 16e-3, 32e-3)  # deviations that are tried
 KNOTS = 9  # of a pitch error over what was visited of an axis
 FEWEST_POSITIONS, FEWEST_TOUCHES = 3, 4  # and touches at each
 
 
 @dataclass(frozen=True, slots=True)
-class Known:
+class PriorDeviations:
     """What is known before: standard deviations of what the touches must tell apart."""
 
     scatter_mm: float = 0.0  # of a touch; 0: taken from the residuals
@@ -131,7 +131,7 @@ def fit(
     touches: Touches,
     machine: Machine,
     sphere_radius_mm: float,
-    known: Known = Known(),
+    known: PriorDeviations = PriorDeviations(),
 ) -> Fit:
     """Rotaries of a machine from touches on one sphere. Raises Refusal where they are too few."""
     rotaries = machine.rotary()
@@ -147,7 +147,7 @@ def fit(
 class Model:
     """The residuals as a function of all unknowns."""
 
-    def __init__(self, touches: Touches, machine: Machine, radius_mm: float, known: Known) -> None:
+    def __init__(self, touches: Touches, machine: Machine, radius_mm: float, known: PriorDeviations) -> None:
         self.touches, self.machine, self.known = touches, machine, known
         self.rotaries, self.linear = machine.rotary(), machine.linear()
         self.basis = tuple(across(machine.axes[i].direction) for i in self.rotaries)
@@ -323,7 +323,7 @@ def _linear(
         free = len(r) - float(np.einsum("ij,ji->", square, covariance)) / scatter**2
         if not is_sought:
             break
-        before, scatter = scatter, max(math.sqrt(chi / max(free, 1.0)), LEAST_SCATTER_MM)
+        before, scatter = scatter, max(math.sqrt(chi / max(free, 1.0)), MIN_SCATTER_MM)
         if abs(scatter - before) < 1e-3 * before:
             break
     bounded = weights > 0.0

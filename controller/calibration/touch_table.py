@@ -24,7 +24,7 @@ from controller.calibration.refusal import Refusal
 from controller.machine.model import Machine
 
 Array = NDArray[np.float64]
-MOST_TOUCHES = 100_000
+MAX_TOUCHES = 100_000
 SAME_PLACE = 0.5  # mm or degrees between a fast touch and the slow one behind it
 MOVES = 0.02  # a component of the way below it is no motion of that axis
 
@@ -55,8 +55,8 @@ def read(text: str, machine: Machine, file: str) -> Touches:
     """Touches of a CSV. Raises Refusal."""
     needed = [axis.name for axis in machine.axes] + ["i", "j", "k", "length_mm", "radius_mm"]
     rows = _counting(csv_table.read(text, needed, file), needed, file)
-    if not 0 < len(rows) <= MOST_TOUCHES:
-        raise Refusal("how_many", file=file, count=len(rows), most=MOST_TOUCHES)
+    if not 0 < len(rows) <= MAX_TOUCHES:
+        raise Refusal("how_many", file=file, count=len(rows), most=MAX_TOUCHES)
     values = np.array([[number(row, name, file, line) for name in needed] for line, row in rows])
     axes, ways = len(machine.axes), values[:, -5:-2]
     sizes = np.linalg.norm(ways, axis=1)

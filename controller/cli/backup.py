@@ -98,7 +98,7 @@ def rollback(
     with refusals(as_json, lambda: EXPECTED):
         store = Store(state or control_socket.state_folder())
         _at_rest(store, runtime)
-        if not (kept := backup.all_kept(store)):
+        if not (kept := backup.automatic_backups(store)):
             raise Refused(say("cli.backup.nothing", folder=store.folder))
         contents = backup.check(kept[0])
         target = machine_file or installation.machine_file_of(store.folder)

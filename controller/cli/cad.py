@@ -21,7 +21,7 @@ from controller.geometry.vectors import Frame, Vector, add, rotate
 from controller.machine import machine_file
 from controller.machine.model import Machine, Tool
 from controller.machine.toml_table import ConfigError
-from controller.messages import said
+from controller.messages import message
 from controller.program import blocks
 from controller.verify.console import Refused, bar, refusals, say, spoken
 
@@ -290,9 +290,9 @@ def _look(face: Face, how: How, fine_mm: float) -> Seen:
     except NotRuled as error:
         return Seen(face, (), error.said, error.off_ruled_mm, shape)
     except Failure as error:
-        return Seen(face, (), said("cli.import.not_evaluated", why=error), math.inf, shape)
+        return Seen(face, (), message("cli.import.not_evaluated", why=error), math.inf, shape)
     except (NoFit, ArithmeticError, ValueError) as error:  # degenerate numbers in the file
-        return Seen(face, (), said("cli.import.no_curves", why=error), math.inf, shape)
+        return Seen(face, (), message("cli.import.no_curves", why=error), math.inf, shape)
     return Seen(face, tuple(made), None, made[0].off_ruled_mm, shape)
 
 

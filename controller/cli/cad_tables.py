@@ -14,7 +14,7 @@ import numpy as np
 from controller import messages
 from controller.cad import picture, words
 from controller.machine.model import Machine, Tool
-from controller.messages import Said
+from controller.messages import Message
 from controller.verify.console import say, show, spoken, tell
 from controller.verify.tables import headed
 
@@ -35,7 +35,7 @@ class Seen:
 
     face: Face
     strips: tuple[Strip, ...]
-    reason: Said | None
+    reason: Message | None
     off_ruled_mm: float
     triangles: Array  # of the face, (N, 3, 3) mm
     role: str = ""  # of ``roles.ROLES``

@@ -49,7 +49,7 @@ Plot = Annotated[Path | None, typer.Option("--plot")]
 Program = Annotated[Path | None, typer.Option("--program")]
 Free = Annotated[str, typer.Option("--free")]
 OffsetName = Annotated[str, typer.Option("--offset")]
-MOST_POSITIONS = 100
+MAX_POSITIONS = 100
 
 
 def say(key: str, **values: object) -> str:
@@ -177,7 +177,7 @@ def positions_to_probe(
     length: Length,
     ball_radius: Ball = 3.0,
     stem: Stem = "0,0,1",
-    count: Annotated[int, typer.Option("--count", min=3, max=MOST_POSITIONS)] = 16,
+    count: Annotated[int, typer.Option("--count", min=3, max=MAX_POSITIONS)] = 16,
     machine: MachineFile = "trunnion",
     as_json: Json = False,
 ) -> None:

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from controller.cli import remote
-from controller.cli.client import Json, TakeOver, Url, asked, tell_done
+from controller.cli.client import Json, TakeOver, Url, connected, tell_done
 from controller.cli.speech import say, speaking
 from controller.verify.console import Refused, show
 
@@ -21,7 +21,7 @@ def shown(context: typer.Context, url: Url = remote.URL, as_json: Json = False) 
     """Show spindle, pockets and what must be confirmed."""
     if context.invoked_subcommand is not None:
         return
-    with asked(url, as_json) as machine:
+    with connected(url, as_json) as machine:
         facts = machine.get("changer")
         if as_json:
             print(json.dumps({"ok": True, **facts}))
@@ -41,7 +41,7 @@ def confirm(
     as_json: Json = False,
 ) -> None:
     """Say where every tool is: each one that is not named is in its pocket."""
-    with asked(url, as_json) as machine:
+    with connected(url, as_json) as machine:
         if not clear:
             raise Refused(say("changer_not_clear"))
         with machine.control(take_over):
@@ -59,7 +59,7 @@ def pocket(
     as_json: Json = False,
 ) -> None:
     """Give a pocket to a tool; where all tools are must be confirmed then."""
-    with asked(url, as_json) as machine, machine.control(take_over):
+    with connected(url, as_json) as machine, machine.control(take_over):
         tell_done(say("changer_pocket"), machine.put(f"changer/pockets/{number}", {"tool": tool}), as_json)
 
 

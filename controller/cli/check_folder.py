@@ -17,7 +17,7 @@ from rich.text import Text
 from controller import messages
 from controller.cli import internal_error
 from controller.machine.model import Machine
-from controller.messages import Said, reason, said
+from controller.messages import Message, message, reason
 from controller.plan.report.stored import Stored
 from controller.plan.report.survey import Survey
 from controller.program import linked, refusals
@@ -38,7 +38,7 @@ class Job:
 
     name: str
     text: bytes
-    wrong: Said | str = ""
+    wrong: Message | str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +63,7 @@ class Row:
         if self.survey is not None and self.kept is not None:
             found |= {"duration_s": self.survey.duration_s, "blocks": self.survey.blocks}
             found |= {"cuts_mm": self.survey.cuts_mm, "overcut_mm": self.overcut_mm, "stored": self.key}
-            found["notes"] = [one.told(spoken.get()) for one in self.kept.notes]
+            found["notes"] = [one.to_json(spoken.get()) for one in self.kept.notes]
         return found
 
     @property
@@ -124,9 +124,9 @@ def jobs(folder: Path, machine: Machine, block_delete: bool = False) -> Sequence
 def examined(machine: Machine, job: Job) -> Row:
     """One program checked as ``check`` does it; nothing is stored, and whatever is wrong is in the row."""
     if job.wrong:
-        return Row(job.name, "failed", said("could_not_check", program=job.name, why=job.wrong))
+        return Row(job.name, "failed", message("could_not_check", program=job.name, why=job.wrong))
     if linked.only_subs(job.text):
-        return Row(job.name, "subs", said("folder.only_subs"))
+        return Row(job.name, "subs", message("folder.only_subs"))
     try:
         task = checked.task(job.text, job.name, machine)
         survey, kept = checked.looked_at(task)
@@ -134,13 +134,13 @@ def examined(machine: Machine, job: Job) -> Row:
         return _refused(error, task)
     except Exception as error:  # the others are checked all the same
         why = internal_error.sentence(error)
-        return Row(job.name, "failed", said("could_not_check", program=job.name, why=why))
+        return Row(job.name, "failed", message("could_not_check", program=job.name, why=why))
     return Row(job.name, "passed", wording.summed(kept.verdicts), survey=survey, kept=kept, key=task.key)
 
 
 def _refused(error: ProgramError, task: checked.Task) -> Row:
     more = len(refusals.of(task.text, task.machine, task.name, task.start)) - 1
-    told = said("folder.more", sentence=error.placed, more=more) if more > 0 else error.placed
+    told = message("folder.more", sentence=error.placed, more=more) if more > 0 else error.placed
     return Row(task.name, "refused", told, error.line, error.column)
 
 

@@ -25,7 +25,7 @@ from controller import memory
 from controller.cli import internal_error
 from controller.machine import setup_data
 from controller.machine.toml_table import ConfigError
-from controller.messages import of_error, said
+from controller.messages import message, of_error
 from controller.plan.report.picture import Picture
 from controller.plan.stretch import Stretch
 from controller.program import blocks, linked, refusals
@@ -89,9 +89,9 @@ def check(
         found_out = {**error.said, **place, **error.facts, **_others(error, task)}
         return "refused", {**found_out, **_drawn(task, found_out, state / PICTURES)}
     except (ConfigError, OSError) as error:
-        return "failed", {**said("could_not_check", program=name, why=of_error(error))}
+        return "failed", {**message("could_not_check", program=name, why=of_error(error))}
     except Exception as error:  # the operator gets a sentence, and we the rest
-        return "failed", {**said("could_not_check", program=name, why=internal_error.sentence(error))}
+        return "failed", {**message("could_not_check", program=name, why=internal_error.sentence(error))}
     with contextlib.suppress(OSError):  # a program runs without its picture
         picture.shape().save(state / PICTURES / f"{task.key}.npz")
     if kept.overcuts:
@@ -115,7 +115,7 @@ def _others(first: ProgramError, task: checked.Task) -> dict[str, Any]:
     facts = refusals.facts(found, refusals.lines_of(task.text, task.name), task.name)
     if len(found) == 1:
         return facts
-    return {**said("program.of_several", sentence=first.said, summed=refusals.summed(found)), **facts}
+    return {**message("program.of_several", sentence=first.said, summed=refusals.summed(found)), **facts}
 
 
 def _drawn(task: checked.Task, refused: Mapping[str, Any], folder: Path) -> dict[str, Any]:

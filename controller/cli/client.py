@@ -36,7 +36,7 @@ LONGEST_JOG_S = 600.0
 
 
 @contextlib.contextmanager
-def asked(url: str, as_json: bool) -> Iterator[Machine]:
+def connected(url: str, as_json: bool) -> Iterator[Machine]:
     """The machine behind ``url``; what it refuses becomes one sentence and exit code 1."""
     with refusals(as_json, tuple), remote.connected(url, remote.known_token()) as machine:
         yield machine
@@ -102,7 +102,7 @@ def start(
     as_json: Json = False,
 ) -> None:
     """Load a program and start it: from its beginning, at a line, or where it was interrupted."""
-    with asked(url, as_json) as machine:
+    with connected(url, as_json) as machine:
         place: dict[str, Any] = {"line": line, "fraction": fraction, "dry_run_mm": dry_run}
         if not (program or restart) and any(value is not None for value in place.values()):
             raise Refused(say("need_name"))
@@ -170,7 +170,7 @@ def override(
     if rapid and spindle:
         raise typer.BadParameter(say("one_override"))
     path = "rapid" if rapid else "spindle" if spindle else "feed"
-    with asked(url, as_json) as machine, machine.control(take_over):
+    with connected(url, as_json) as machine, machine.control(take_over):
         done = machine.put(f"overrides/{path}", {"share": percent / 100.0})
         tell_done(say(f"{path}_override", percent=percent), done, as_json)
 
@@ -189,7 +189,7 @@ def jog(
     as_json: Json = False,
 ) -> None:
     """Move an axis by a distance, or at a speed for so many seconds; it comes to rest at its limit."""
-    with asked(url, as_json) as machine:
+    with connected(url, as_json) as machine:
         _one_of(distance, speed, seconds)
         where = {"frame": frame, "axis": axis.upper()}
         with machine.control(take_over):

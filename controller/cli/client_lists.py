@@ -18,7 +18,7 @@ from rich.live import Live
 from rich.text import Text
 
 from controller.cli import remote, status_view
-from controller.cli.client import Json, Url, asked, tell_done
+from controller.cli.client import Json, Url, connected, tell_done
 from controller.cli.remote import Machine
 from controller.cli.speech import say, speaking
 from controller.verify.console import Refused, bar, show, tell, word
@@ -40,7 +40,7 @@ def status(watch: Watch = False, url: Url = remote.URL, as_json: Json = False) -
 
     Where the service is gone: what it told last, and exit code 1.
     """
-    with asked(url, as_json) as machine:
+    with connected(url, as_json) as machine:
         if watch and not as_json:
             follow(machine)
             return
@@ -110,7 +110,7 @@ def upload(
     as_json: Json = False,
 ) -> None:
     """Bring a program into the machine's store, where it is checked; it never starts by itself."""
-    with asked(url, as_json) as machine:
+    with connected(url, as_json) as machine:
         sent = _sent(machine, file, name or file.name)
         if wait:
             sent = _checked(machine, str(sent["name"]), as_json)
@@ -164,7 +164,7 @@ def _why_not(name: str, result: Mapping[str, Any]) -> str:
 
 def runs(most: Most = 20, url: Url = remote.URL, as_json: Json = False) -> None:
     """What was run, when, how long, and how it ended."""
-    with asked(url, as_json) as machine:
+    with connected(url, as_json) as machine:
         found = machine.get("runs", most=most)["runs"]
         if as_json:
             print(json.dumps({"ok": True, "runs": found}))
@@ -196,7 +196,7 @@ def alarms(
     as_json: Json = False,
 ) -> None:
     """What went wrong, newest first, and who has acknowledged it."""
-    with asked(url, as_json) as machine:
+    with connected(url, as_json) as machine:
         if acknowledge is not None:
             done = machine.post(f"alarms/{acknowledge}/acknowledge")
             tell_done(say("acknowledged", number=acknowledge), done, as_json)

@@ -11,7 +11,7 @@ from urllib.parse import quote
 import typer
 
 from controller.cli import remote, waiting
-from controller.cli.client import Json, TakeOver, Url, Wait, asked, carried_out, tell_done
+from controller.cli.client import Json, TakeOver, Url, Wait, carried_out, connected, tell_done
 from controller.cli.speech import say, speaking
 from controller.commands.arguments import NEEDED, Argument, Number, Several, Switch, Whole
 from controller.commands.command import Access, Client, Command, Rest
@@ -46,7 +46,7 @@ def verb(command: Command, client: Client, rest: Rest) -> Callable[..., None]:
         url: str, as_json: bool, take_over: bool | None = None, wait: bool = False, **typed: Any
     ) -> None:
         values = {one.name: _value(one, typed[name]) for name, one in taken.items()}
-        with asked(url, as_json) as machine:
+        with connected(url, as_json) as machine:
             with contextlib.nullcontext() if take_over is None else machine.control(take_over):
                 answer = _ask(machine, command, rest, values)
                 run = waiting.run_of(machine, answer) if wait else ""

@@ -79,7 +79,7 @@ def cut(machine: Machine, program: Path, checks: Path, unchecked: bool, quiet: b
             operator.done("home")
             with bar(say("cli.bar.cutting"), quiet) as progress:
                 rows, last = operator.run(lambda now: progress(_share(now), live_line(now)))
-    return _told(rows, last, service.engine.sync_stamps_s)
+    return _cut(rows, last, service.engine.sync_stamps_s)
 
 
 @contextlib.contextmanager
@@ -167,7 +167,7 @@ def _share(now: Values) -> float:
     return now["job"]["fraction"] or 0.0
 
 
-def _told(rows: Rows, last: Values, stamps_s: dict[str, Rows]) -> Cut:
+def _cut(rows: Rows, last: Values, stamps_s: dict[str, Rows]) -> Cut:
     job, shown = last["job"], last["fault"]
     fault = Fault[shown["name"]] if shown else Fault.NONE
     sentence = ""

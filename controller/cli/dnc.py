@@ -17,7 +17,7 @@ from controller.api.dnc import LineError, LineSettings
 from controller.api.dnc_format import Tape, TapeError, punched
 from controller.api.store import Program, Store, StoreError
 from controller.ipc import control_socket
-from controller.messages import Said, said
+from controller.messages import Message, message
 from controller.verify.console import Refused, bar, refusals, say, spoken, tell
 
 app = typer.Typer(
@@ -37,7 +37,7 @@ Json = Annotated[bool, typer.Option("--json")]
 
 LINE_ENDS = {"own": None, "lf": b"\n", "crlf": b"\r\n", "cr": b"\r", "lfcrcr": b"\n\r\r"}
 BY = "serial line"
-ANSWER_S = 5.0  # of the service
+ANSWER_TIMEOUT_S = 5.0  # of the service
 
 
 @app.command()
@@ -83,15 +83,15 @@ def _take(
         came = dnc.receive(line, lambda count: progress(0.0, say("cli.dnc.bytes", count=count)))
     if name and len(came.tapes) > 1:
         listed = ", ".join(tape.name or say("cli.dnc.unnumbered") for tape in came.tapes)
-        raise TapeError(said("cli.dnc.several", port=settings.port, count=len(came.tapes), listed=listed))
+        raise TapeError(message("cli.dnc.several", port=settings.port, count=len(came.tapes), listed=listed))
     for tape in came.tapes:
-        _say(kept(store, tape, name, in_use()), "cli.dnc.received", as_json, tape.told)
+        _say(save_tape(store, tape, name, in_use()), "cli.dnc.received", as_json, tape.told)
     if came.problem:
         raise TapeError(came.problem)
 
 
-def kept(store: Store, tape: Tape, name: str, in_use: Collection[str]) -> Program:
-    """The tape as a program of the store. Raises StoreError."""
+def save_tape(store: Store, tape: Tape, name: str, in_use: Collection[str]) -> Program:
+    """Store the tape as a program. Raises StoreError."""
     called = name or tape.name or time.strftime("received %Y-%m-%d %H.%M.%S")
     with store.uploads.begin(called, size=len(tape.text), by=BY) as upload:
         upload.write(tape.text)
@@ -105,11 +105,11 @@ def _in_use(state: Path, runtime: Path | None) -> Callable[[], Collection[str]]:
         socket = control_socket.control_path(runtime or control_socket.runtime_of(state))
         if not control_socket.is_served(socket):
             return ()
-        client = control_socket.Client(socket, longest_s=ANSWER_S)
+        client = control_socket.Client(socket, longest_s=ANSWER_TIMEOUT_S)
         try:
             job = client.ask("status").get("job") or {}
         except control_socket.CommandRefused as error:
-            sentence = said("cli.dnc.unknown_use", why=error)
+            sentence = message("cli.dnc.unknown_use", why=error)
             raise StoreError("running", sentence) from error
         finally:
             client.close()
@@ -153,7 +153,9 @@ def _of_store(name: str, state: Path | None) -> bytes:
     return store.programs.read(store.programs.get(name).sha256)
 
 
-def _say(told: Program | dict[str, Any], done: str, as_json: bool, left_out: Collection[Said] = ()) -> None:
+def _say(
+    told: Program | dict[str, Any], done: str, as_json: bool, left_out: Collection[Message] = ()
+) -> None:
     sentences = [messages.text(one, spoken.get()) for one in left_out]
     facts = (
         {"program": told.name, "bytes": told.size, "lines": told.lines, "sha256": told.sha256}

@@ -36,7 +36,7 @@ def read(job: Mapping[str, Any]) -> list[dict[str, Any]]:
     machine, name = setup_data.machine(Path(job["state"])), str(job["name"])
     text = linked.linked(str(job["text"]).encode(), linked.among(files), machine)
     found = refusals.of(text, machine, name, homed(machine))
-    return [_row(one, name) for one in found[: refusals.MOST]]
+    return [_row(one, name) for one in found[: refusals.MAX_REPORTED]]
 
 
 def _row(error: ProgramError, name: str) -> dict[str, Any]:

@@ -23,7 +23,7 @@ from controller.cli.speech import speaking
 from controller.ipc import control_socket
 from controller.machine import arrangement, drive_profiles, nodes
 from controller.machine.model import Machine
-from controller.messages import Said, is_said, said
+from controller.messages import Message, is_message, message
 from controller.verify.console import Refused, in_words, refusals, say, show, tell
 from drives import commission as commissioning
 from drives.commissioning import identity, lss, possible, sheet, survey, twins
@@ -126,7 +126,7 @@ def commission(
 
 def _in_words(tree: Any) -> Any:
     """Values with the words of each text in its place, for JSON."""
-    if is_said(tree):
+    if is_message(tree):
         return in_words(tree)
     if isinstance(tree, dict):
         return {key: _in_words(value) for key, value in tree.items()}
@@ -178,7 +178,7 @@ def scan(
         made = drive_buses.machine(machine)
         rows: list[dict[str, Any]] = []
         missing: list[str] = []
-        strange: list[Said] = []
+        strange: list[Message] = []
         with drive_buses.joined(made, bus, channel) as joined:
             for each in joined:
                 found = survey.scan(each.network)
@@ -203,7 +203,7 @@ def scan(
             print(json.dumps({"ok": True, **facts}))
 
 
-def _twins(joined: Joined, found: Sequence[survey.Found]) -> Iterator[Said]:
+def _twins(joined: Joined, found: Sequence[survey.Found]) -> Iterator[Message]:
     """What is to be said of every node id that more than one drive has."""
     known = {node.node: node for node in joined.nodes}
     for one in found:
@@ -212,10 +212,10 @@ def _twins(joined: Joined, found: Sequence[survey.Found]) -> Iterator[Said]:
             if one.node in known:
                 yield commissioning.of_drive(known[one.node], what)
             else:
-                yield said("cli.drives.of_node", bus=joined.bus.name, node=one.node, why=what)
+                yield message("cli.drives.of_node", bus=joined.bus.name, node=one.node, why=what)
 
 
-def _strangers(joined: Joined, found: Sequence[survey.Found]) -> Iterator[Said]:
+def _strangers(joined: Joined, found: Sequence[survey.Found]) -> Iterator[Message]:
     """What is to be said of every node that is not who data sheet and machine file say."""
     by_node = {one.node: one for one in found}
     for node in joined.nodes:

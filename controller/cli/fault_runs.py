@@ -61,7 +61,7 @@ class FaultRun:
         """A run that has ended in a fault: one that the script has planted before it was asked for."""
         if self._injected is None or not self._injected.done():
             return Refused(sentence, **facts)
-        return console.as_asked("fault", sentence, **facts)
+        return console.ended_as_requested("fault", sentence, **facts)
 
     def begin(self) -> None:
         """The program begins with the next tick."""

@@ -51,7 +51,7 @@ def fit(
             raise Refused(say("table.no_tolerance", tolerance=tolerance, least=MIN_MM, most=MAX_MM))
         if not program.is_file():
             raise Refused(say("table.no_file", program=program))
-        asked = list(_asked(program, made))
+        asked = list(_surfaces(program, made))
         if not asked:
             raise Refused(say("table.no_surface", program=program))
         found = []
@@ -77,7 +77,7 @@ def fit(
             show.print(say("table.no_cutter", line=one.line, cutter=cutter, why=row.why), markup=False)
 
 
-def _asked(program: Path, machine: Machine) -> Iterator[fits.Asked]:
+def _surfaces(program: Path, machine: Machine) -> Iterator[fits.Asked]:
     """The surfaces of a program; raises ProgramError where one is none that could be cut."""
     name = str(program)
     text = linked.linked(program.read_bytes(), linked.beside(program), machine)

@@ -19,7 +19,7 @@ def laid(machine: Machine, fitted: Path | None) -> Machine:
     return machine if fitted is None else setup_data.applied(machine, _values(fitted))
 
 
-def said(fitted: Path | None) -> list[str]:
+def names(fitted: Path | None) -> list[str]:
     """The names of all that does not come from the machine file."""
     return [] if fitted is None else setup_data.names(_values(fitted))
 

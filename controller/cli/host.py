@@ -49,7 +49,7 @@ def check(root: Root = Path("/"), as_json: Json = False) -> None:
         told = [one.to_dict() for one in lines]
         print(json.dumps({"ok": not failed, "failed": len(failed), "hints": hints, "lines": told}))
     else:
-        for row in (row for one in lines for row in host_lines.told(one)):
+        for row in (row for one in lines for row in host_lines.text_rows(one)):
             show.print(row, markup=False, soft_wrap=True)
         tell.print(_summed(lines, len(failed)))
     if failed:
@@ -126,7 +126,7 @@ def _measured(
         if running:
             found, before = Measured(machine.period_s, host.core), host.tick_faults()
             host_measure.listen(found, seconds, echoes, progress)
-            found.tick, after = self_test.asked(state), host.tick_faults()
+            found.tick, after = self_test.running_tick(state), host.tick_faults()
             found.minor_faults, found.major_faults = after[0] - before[0], after[1] - before[1]
             return found
         if send_sync and not host_measure.is_silent(echoes):

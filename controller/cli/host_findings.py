@@ -22,7 +22,7 @@ TICK_PRIORITY = 80  # that `loop.prepare` asks for
 AWAKE = "/dev/cpu_dma_latency"
 GOOD_CLOCKS = ("tsc", "arch_sys_counter", "kvm-clock", "hyperv_clocksource_tsc_page")
 FULL_SPEED = 12  # Mbit/s: such an adapter on USB has one frame of USB in a millisecond
-MOST_NAMED = 4  # interrupts in one sentence
+MAX_NAMED = 4  # interrupts in one sentence
 
 SYSCTL_FILE = "/etc/sysctl.d/60-directrix.conf"
 TMPFILES = "/etc/tmpfiles.d/directrix.conf"  # of `service install`
@@ -206,8 +206,8 @@ def interrupts(host: Host) -> Iterator[Line]:
         for one in host.interrupts.values()
         if one.counts.get(host.core) and host.core in host.affinity(one.number)
     ]
-    named = [f"{one.number} ({one.actions})" for one in there[:MOST_NAMED]]
-    named += [_say("and_more", count=len(there) - MOST_NAMED)] if len(there) > MOST_NAMED else []
+    named = [f"{one.number} ({one.actions})" for one in there[:MAX_NAMED]]
+    named += [_say("and_more", count=len(there) - MAX_NAMED)] if len(there) > MAX_NAMED else []
     found = _say("irqs_on", core=host.core, names=", ".join(named) or _say("none"))
     write = host.boot(f"irqaffinity={host.others()}")
     yield _finding("interrupts", not there, found, _say("irqs_away"), write)

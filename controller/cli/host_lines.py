@@ -107,7 +107,7 @@ def say_then(then: str) -> str:
     return _say(f"then.{then}")
 
 
-def told(one: Line) -> Iterator[str]:
+def text_rows(one: Line) -> Iterator[str]:
     """A line for people, in rows of 80 columns; a row to be copied is whole."""
     first = f"{_say(one.verdict):<4}  {one.shown:<16} "
     yield from _wrapped(first, one.found)

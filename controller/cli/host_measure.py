@@ -20,7 +20,7 @@ from drives import bus
 
 PROGRAM = "cyclictest"  # Debian: rt-tests
 SHORTEST_TURN_S = 10.0
-MOST_TURNS = 200  # of each kind; what is kept of one is three numbers
+MAX_TURNS = 200  # of each kind; what is kept of one is three numbers
 GUARD_S = 1.0  # for which a bus is heard before SYNC is sent on it
 ROW = re.compile(r"^(\d+)\s+(\d+)\s*$", re.M)
 SUMMED = re.compile(r"^# (Max Latencies|Histogram Overflows):\s*(\d+)", re.M)
@@ -143,7 +143,7 @@ def listen(found: Measured, seconds: float, echoes: Mapping[str, Echoes], heard:
 def turns(seconds: float, kinds: int) -> tuple[int, float]:
     """(rounds, length of a turn in s), so that rounds are bounded however long it takes."""
     each_s = seconds / kinds
-    rounds = min(max(round(each_s / SHORTEST_TURN_S), 1), MOST_TURNS)
+    rounds = min(max(round(each_s / SHORTEST_TURN_S), 1), MAX_TURNS)
     return rounds, each_s / rounds
 
 

@@ -19,14 +19,14 @@ from controller.version import VERSION
 
 EXIT_CODE = 70  # EX_SOFTWARE of sysexits.h
 FOLDER = "crashes"  # in the state folder; ``directrix support`` takes it along
-MOST = 20  # files there
+MAX_FILES = 20  # files there
 
 
 def sentence(error: BaseException) -> str:
     """One sentence; the traceback goes into a file that it names."""
-    kept = _kept("".join(traceback.format_exception(error)))
+    kept = _saved_report("".join(traceback.format_exception(error)))
     what = kept if kept is not None else say("cli.own_error_line")
-    return say("cli.own_error", error=internal_error.told(error), what=what)
+    return say("cli.own_error", error=internal_error.summary(error), what=what)
 
 
 def end(error: BaseException, as_json: bool) -> int:
@@ -41,8 +41,8 @@ def end(error: BaseException, as_json: bool) -> int:
     return EXIT_CODE
 
 
-def _kept(text: str) -> Path | None:
-    """A file of what is needed to find it: of the state folder, or for this user alone; None: no room."""
+def _saved_report(text: str) -> Path | None:
+    """The file of a new report, in the state folder or for this user alone; None: no room."""
     of = f"directrix {VERSION}, Python {platform.python_version()}"
     now = datetime.now(UTC).isoformat(timespec="seconds")
     head = f"{of}, {platform.platform()}\n{now}\n{' '.join(sys.argv)}\n\n"
@@ -69,6 +69,6 @@ def _in_state(text: str) -> Path:
     file = folder / f"{time.time_ns()}-{os.getpid()}.txt"
     with own_files.new(file, state, mode=0o640) as out:
         out.write(text.encode("utf-8", errors="backslashreplace"))
-    for name in own_files.names(folder, state)[:-MOST]:
+    for name in own_files.names(folder, state)[:-MAX_FILES]:
         own_files.remove(folder / name, state)
     return file

@@ -68,12 +68,13 @@ def unpack(
         files = {MACHINE_FILE: machine_file.written(text).encode()}
         for name, words in _files(text):
             place = PurePosixPath(name)
-            if place.is_absolute() or ".." in place.parts:
+            if place.is_absolute() or ".." in place.parts or place == PurePosixPath(MACHINE_FILE):
                 raise Refused(say("cli.machine.outside", file=packed, name=name))
             files[name] = words.encode(PROFILES if place.suffix == ".toml" else SHEETS)
-        for name, content in files.items():
+        for name in files:
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
-            (folder / name).write_bytes(content)
+        with atomic_file.all_or_none({folder / name: content for name, content in files.items()}) as put:
+            put()
         if as_json:
             facts = {"machine": made.name, "folder": str(folder), "files": [*files]}
             print(json.dumps({"ok": True, **facts}))

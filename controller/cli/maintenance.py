@@ -9,7 +9,7 @@ import typer
 from rich.table import Table
 
 from controller.cli import remote
-from controller.cli.client import Json, Url, asked
+from controller.cli.client import Json, Url, connected
 from controller.cli.speech import say, speaking
 from controller.verify.console import show, word
 
@@ -29,7 +29,7 @@ def maintenance(
     """List jobs of maintenance with their counters, make or change one, or say that it was done."""
     if not name and (every is not None or counter or done):
         raise typer.BadParameter(say("maintenance_no_name"))
-    with asked(url, as_json) as machine:
+    with connected(url, as_json) as machine:
         if every is not None:
             machine.put("usage/maintenance", {"name": name, "counter": counter, "every": every or None})
         if done:

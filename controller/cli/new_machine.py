@@ -114,12 +114,12 @@ def _ask(answers: Answers) -> None:
     for kind in KINDS:
         head = (SHIPPED / f"{kind}.toml").read_text(encoding="utf-8").partition("\n")[0]
         show.print(f"  {kind:12} {head.strip('# ')}", markup=False)
-    answers.kind = _asked("kind", answers.kind)
-    answers.interface = _asked("interface", answers.interface)
-    answers.profile = _asked("profile", answers.profile, ", ".join(drive_profiles.shipped()))
-    answers.eds = _asked("eds", answers.eds)
-    answers.spindle = _asked("spindle", answers.spindle, ", ".join(SPINDLES))
-    parts = _asked("with", " ".join(answers.equipment), ", ".join(EQUIPMENT))
+    answers.kind = _prompt("kind", answers.kind)
+    answers.interface = _prompt("interface", answers.interface)
+    answers.profile = _prompt("profile", answers.profile, ", ".join(drive_profiles.shipped()))
+    answers.eds = _prompt("eds", answers.eds)
+    answers.spindle = _prompt("spindle", answers.spindle, ", ".join(SPINDLES))
+    parts = _prompt("with", " ".join(answers.equipment), ", ".join(EQUIPMENT))
     answers.equipment = parts.replace(",", " ").split()
 
 
@@ -135,7 +135,7 @@ def _ask_axes(tree: Tree) -> None:
         )
 
 
-def _asked(question: str, default: str, known: str = "") -> str:
+def _prompt(question: str, default: str, known: str = "") -> str:
     text = say(f"cli.machine.ask.{question}", known=known)
     answer: str = typer.prompt(text, default=default, err=True, show_default=bool(default))
     return answer.strip()

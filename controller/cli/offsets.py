@@ -11,7 +11,7 @@ import typer
 from rich.table import Table
 
 from controller.cli import remote, speech
-from controller.cli.client import Json, TakeOver, Url, asked, named
+from controller.cli.client import Json, TakeOver, Url, connected, named
 from controller.cli.speech import speaking
 from controller.verify.console import Refused, say, show
 
@@ -36,7 +36,7 @@ def offsets(
         raise typer.BadParameter(speech.say("offset_no_name"))
     if forget is not None and not forget.strip():
         raise typer.BadParameter(speech.say("offset_forget_what"))
-    with asked(url, as_json) as machine:
+    with connected(url, as_json) as machine:
         if name:
             values = _values(machine, name, origin, turned, named(rotary))
             reads = typed(touch)

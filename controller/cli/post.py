@@ -118,12 +118,12 @@ def _planned(task: checked.Task) -> _Whole:
     watched = Watched(walk.items)
     items: list[Chain | Pause] = []
 
-    def kept() -> Any:
+    def collected() -> Any:
         for item in watched:
             items.append(item)
             yield item
 
-    found = survey.survey(kept(), task.machine, task.kinematics)
+    found = survey.survey(collected(), task.machine, task.kinematics)
     return _Whole(watched, items, found.duration_s)
 
 

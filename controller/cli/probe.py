@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from controller.cli import remote, waiting
-from controller.cli.client import Json, TakeOver, Url, Wait, asked, carried_out, named, tell_done
+from controller.cli.client import Json, TakeOver, Url, Wait, carried_out, connected, named, tell_done
 from controller.cli.speech import say, speaking
 from controller.verify.console import show, word
 
@@ -29,7 +29,7 @@ def probe(
     as_json: Json = False,
 ) -> None:
     """Run a probing cycle from where the probe stands, list the cycles, or what they have found."""
-    with asked(url, as_json) as machine:
+    with connected(url, as_json) as machine:
         for file, key, path in ((table, "probed_csv", "found"), (touches, "touches_csv", "touches")):
             if file is not None:
                 text = machine.get(f"probing/{path}.csv")

@@ -38,7 +38,17 @@ from controller.state import queue_refusals, setpoint_counts
 from controller.state.live_state import Snapshot
 from controller.state.modes import Fault
 from controller.verify import tables, wording
-from controller.verify.console import AS_ASKED, Refused, as_asked, bar, refusals, say, show, spoken, tell
+from controller.verify.console import (
+    AS_ASKED,
+    Refused,
+    bar,
+    ended_as_requested,
+    refusals,
+    say,
+    show,
+    spoken,
+    tell,
+)
 from controller.verify.rows import Rows
 from controller.workers import Spread
 
@@ -94,7 +104,7 @@ def _machine(
 
 def _notes(notes: Sequence[Note], machine: Machine) -> dict[str, Any]:
     """What ``check`` and ``simulate`` say with --json of a program and of its machine."""
-    told = [note.told(spoken.get()) for note in notes]
+    told = [note.to_json(spoken.get()) for note in notes]
     return {"notes": told, "warnings": machine_check.warnings(machine)}
 
 
@@ -129,7 +139,7 @@ def _task(program: Path, machine: Machine, block_delete: bool) -> checked.Task:
     return checked.task(_text(program, machine, block_delete), str(program), machine)
 
 
-def _kept(task: checked.Task, store: Path | None, as_json: bool) -> stored.Stored | None:
+def _stored_check(task: checked.Task, store: Path | None, as_json: bool) -> stored.Stored | None:
     """The stored check of what is to be run, if there is a sound one."""
     kept, warning = checked.find(task, store or stored.folder())
     if warning and not as_json:
@@ -193,7 +203,7 @@ def check(
                 check_folder.run(asked, spread, as_json)
                 return
             if report is not None:
-                told = messages.said("folder.report_alone", program=program)
+                told = messages.message("folder.report_alone", program=program)
                 raise Refused(messages.text(told, spoken.get()))
             task = _task(program, made, block_delete)
             picture = Picture(made, task.kinematics) if plot is not None else None
@@ -217,7 +227,7 @@ class _Check(NamedTuple):
     survey: Survey
     rows: Rows
     kept: stored.Stored
-    warning: messages.Said | str
+    warning: messages.Message | str
 
 
 def _draw_check(program: Path, task: checked.Task, done: _Check, shape: Shape, plot: Path) -> None:
@@ -255,7 +265,7 @@ def _facts(program: Path, task: checked.Task, done: _Check) -> dict[str, Any]:
     return {
         **{"ok": True, "program": str(program), **done.survey.to_dict()},
         "overcuts": [asdict(one) for one in kept.overcuts],
-        "verdict": messages.told(checked.verdict_of(kept), spoken.get()),
+        "verdict": messages.with_sentences(checked.verdict_of(kept), spoken.get()),
         **_notes(kept.notes, task.machine),
         "stored": None if done.warning else task.key,
     }
@@ -265,14 +275,14 @@ def _print_check(
     program: Path, task: checked.Task, done: _Check, sheets: list[str], fitted: Path | None
 ) -> None:
     """One JSON object."""
-    facts = {**_facts(program, task, done), "sheets": sheets, "fitted": fittings.said(fitted)}
+    facts = {**_facts(program, task, done), "sheets": sheets, "fitted": fittings.names(fitted)}
     done.rows.write(facts, sys.stdout)
 
 
 def _show_check(program: Path, task: checked.Task, done: _Check, fitted: Path | None) -> None:
     """Tables; what the data sheets say was told before."""
     survey, kept = done.survey, done.kept
-    if names := fittings.said(fitted):
+    if names := fittings.names(fitted):
         tell.print(fittings.sentence(names), markup=False)
     _show_notes(kept.notes, task)
     if done.rows.longest:
@@ -317,7 +327,7 @@ def _refuse_all(first: ProgramError, task: checked.Task, quiet: bool) -> NoRetur
     if not found or str(found[0]) != str(first):
         found = [first]
     lines = refusals_of_text.lines_of(task.text, task.name)
-    most = 1 if quiet else refusals_of_text.MOST
+    most = 1 if quiet else refusals_of_text.MAX_REPORTED
     told = [refusals_of_text.pointed(one, lines, language) for one in found[:most]]
     if len(found) > 1 and not quiet:
         told.append(messages.text(refusals_of_text.summed(found), language))
@@ -377,7 +387,7 @@ def simulate(
         task = _task(program, record.machine if record is not None else made, block_delete)
         outputs = _Outputs(trace_file, plot, touches)
         outputs.check()
-        kept = None if unchecked else _kept(task, store, as_json)
+        kept = None if unchecked else _stored_check(task, store, as_json)
         walk = _walk(task, kept, record, unchecked, as_json)
         touched = _touched(part, task.machine)
         bench = SteppedMachine(task.machine, recordings=recording.folder(), bench=touched)
@@ -504,7 +514,7 @@ def _end_run(
     if record is not None:  # a fault that comes again is what was asked for
         figures = {**figures, **record.judge(run)}
         if run.result in AS_ASKED:
-            raise as_asked(run.result, **figures, line=run.line)
+            raise ended_as_requested(run.result, **figures, line=run.line)
         _end("table.replayed", figures, as_json)
         return
     if run.fault is not Fault.NONE:  # also a hold that waits for somebody to close a door
@@ -514,9 +524,11 @@ def _end_run(
         place = {"line": refusal.line, "column": refusal.column}
         raise Refused(messages.text(why, spoken.get()), **figures, **place)
     if run.result in AS_ASKED:
-        raise as_asked(run.result, **figures, line=run.line)
+        raise ended_as_requested(run.result, **figures, line=run.line)
     if run.result != "completed":
-        why = messages.several(messages.said("ended.stuck", line=run.line), queue_refusals.told(run.refusal))
+        why = messages.several(
+            messages.message("ended.stuck", line=run.line), queue_refusals.refusal_message(run.refusal)
+        )
         raise Refused(messages.text(why, spoken.get()), **figures, line=run.line)
     _end("table.simulated", figures, as_json)
 
@@ -623,7 +635,7 @@ def _demo(part: str, out: Path, made: Machine, store: Path | None, unchecked: bo
         tell.print(say("cli.demo.starting", name=file.name, machine=made.name))
     cut = demos.cut(made, file, store or stored.folder(), unchecked, as_json)
     task = checked.task(file.read_bytes(), file.name, made)
-    kept = None if unchecked else _kept(task, store, as_json)
+    kept = None if unchecked else _stored_check(task, store, as_json)
     stretches = checked.stretches(checked.walk_of(task, kept, unchecked))
     trace = traces.from_rows(cut.rows, made, task.kinematics, stretches)
     _write(trace, made, stretches, trace_file, picture)
@@ -640,7 +652,11 @@ def _demo(part: str, out: Path, made: Machine, store: Path | None, unchecked: bo
         "trace": str(trace_file),
     }
     if cut.sentence:
-        raise as_asked(cut.result, **figures) if cut.result in AS_ASKED else Refused(cut.sentence, **figures)
+        raise (
+            ended_as_requested(cut.result, **figures)
+            if cut.result in AS_ASKED
+            else Refused(cut.sentence, **figures)
+        )
     _end("table.live", figures, as_json)
     if not as_json:
         show.print(f"Picture: {picture}   Trace: {trace_file}", markup=False)

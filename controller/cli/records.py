@@ -97,7 +97,12 @@ def _say(key: str, **values: object) -> str:
 
 def _facts(found: Record) -> list[dict[str, Any]]:
     return [
-        {"name": name, "unit": one.unit, "meaning": one.told(spoken.get()), "type": str(one.values.dtype)}
+        {
+            "name": name,
+            "unit": one.unit,
+            "meaning": one.meaning_text(spoken.get()),
+            "type": str(one.values.dtype),
+        }
         for name, one in found.columns.items()
     ]
 

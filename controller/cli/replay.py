@@ -14,7 +14,17 @@ from controller.cli.recorded_runs import RecordedRun
 from controller.ipc import control_socket
 from controller.runtime import checked
 from controller.state.record_files import RUNS
-from controller.verify.console import AS_ASKED, Refused, as_asked, bar, refusals, say, show, spoken, tell
+from controller.verify.console import (
+    AS_ASKED,
+    Refused,
+    bar,
+    ended_as_requested,
+    refusals,
+    say,
+    show,
+    spoken,
+    tell,
+)
 
 RunName = Annotated[
     str,
@@ -51,11 +61,11 @@ def replay(
             trace_file.open("ab").close()
         figures = {"run": folder.name, **_made_again(record, trace_file, as_json)}
         if figures["result"] in AS_ASKED:
-            raise as_asked(figures["result"], _told(figures), **figures)
+            raise ended_as_requested(figures["result"], _sentence(figures), **figures)
         if as_json:
             print(json.dumps({"ok": True, **figures}))
         else:
-            show.print(_told(figures), markup=False)
+            show.print(_sentence(figures), markup=False)
 
 
 def folder_of(run: str, state: Path | None) -> Path:
@@ -111,7 +121,7 @@ def _made_again(record: RecordedRun, trace_file: Path | None, as_json: bool) -> 
     }
 
 
-def _told(figures: dict[str, Any]) -> str:
+def _sentence(figures: dict[str, Any]) -> str:
     ticks, of = figures["compared_ticks"], figures["recorded_ticks"]
     said = say("cli.replay.same", ticks=ticks, of=of, time=ticks * figures["period_s"])
     if ticks < of:

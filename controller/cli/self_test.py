@@ -26,7 +26,7 @@ from controller.verify.console import say
 MIN_QUEUE = 128  # frames
 MIN_FREE = 1 << 30  # bytes
 ERRORS_ALLOWED = 96  # CiA 301 and ISO 11898: from here on a controller warns
-ANSWER_S = 5.0
+ANSWER_TIMEOUT_S = 5.0
 _UNSYNCHRONISED = 0x40  # STA_UNSYNC, linux/timex.h
 _CURRENT = 1  # MCL_CURRENT
 
@@ -34,13 +34,18 @@ _CURRENT = 1  # MCL_CURRENT
 def run(machine: Machine, state: Path, seconds: float, root: Path = Path("/")) -> list[Line]:
     """All lines; takes ``seconds`` for the latency where no tick is asked for its own."""
     host = Host(root)
-    running = asked(state) if host.tick is not None else None
+    running = running_tick(state) if host.tick is not None else None
     return [
-        _latency(machine.period_s, seconds, host) if running is None else kept(running),
+        _latency(machine.period_s, seconds, host) if running is None else running_latency_line(running),
         memory(host),
         priority(host),
         *host_findings.look(host, host_findings.OF_EVERY_MACHINE),
-        *(line for bus in machine.buses if bus.interface == "socketcan" for line in can(bus, told(bus))),
+        *(
+            line
+            for bus in machine.buses
+            if bus.interface == "socketcan"
+            for line in can(bus, link_details(bus))
+        ),
         disk(state),
         *host_findings.look(host, (host_findings.clock_source,)),
         clock_set(),
@@ -54,10 +59,10 @@ def _say(key: str, **values: object) -> str:
 # --- the processor -------------------------------------------------------------------------
 
 
-def asked(state: Path) -> dict[str, float] | None:
-    """What the running tick says of itself; None where it cannot be asked."""
+def running_tick(state: Path) -> dict[str, float] | None:
+    """The tick's part of the status of a running service; None where no service answers."""
     client = control_socket.Client(
-        control_socket.control_path(control_socket.runtime_of(state)), longest_s=ANSWER_S
+        control_socket.control_path(control_socket.runtime_of(state)), longest_s=ANSWER_TIMEOUT_S
     )
     try:
         tick = dict(client.ask("status")["tick"])
@@ -68,7 +73,7 @@ def asked(state: Path) -> dict[str, float] | None:
         client.close()
 
 
-def kept(tick: dict[str, float]) -> Line:
+def running_latency_line(tick: dict[str, float]) -> Line:
     """The deadlines of a running tick: it has its core for itself, to measure beside it would say less."""
     skipped = tick["skips"] / max(tick["number"], 1)
     figures = {"worst": 1e3 * tick["late_max_ms"], "percent": 100.0 * skipped, "period": tick["period_ms"]}
@@ -116,8 +121,8 @@ def priority(host: Host) -> Line:
 # --- the bus -------------------------------------------------------------------------------
 
 
-def told(bus: Bus) -> dict[str, Any]:
-    """What `ip` says of an interface; {} where there is none."""
+def link_details(bus: Bus) -> dict[str, Any]:
+    """What `ip` reports of an interface; {} where there is none."""
     command = ["ip", "-json", "-details", "-statistics", "link", "show", "dev", bus.channel]
     try:
         done = subprocess.run(command, capture_output=True, text=True)

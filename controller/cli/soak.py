@@ -54,13 +54,13 @@ def soak(
             tell.print(_say("begins", seed=drawn), markup=False)
         with bar(say("cli.bar.soaking"), as_json) as progress:
 
-            def told(one: Any, came: Any, so_far: Any) -> None:
+            def show_run(one: Any, came: Any, so_far: Any) -> None:
                 progress(0.0, f"{so_far.runs} ({len(so_far.kept)}) {one.title}")
                 if came.wrong and not as_json:
                     tell.print(f"{so_far.kept[-1]}: {came.wrong}", markup=False)
 
             soaked = module.soak if clock == "stepped" else module.on_real_clock
-            found = soaked(drawn, 3600.0 * hours, out, first, runs, told)
+            found = soaked(drawn, 3600.0 * hours, out, first, runs, show_run)
         results = ", ".join(f"{count} {name}" for name, count in sorted(found.results.items()))
         figures = dict(seed=drawn, runs=found.runs, ticks=found.ticks, wrong=len(found.kept), results=results)
         if found.kept:

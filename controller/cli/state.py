@@ -19,7 +19,7 @@ from controller.api import database, log_in_marker
 from controller.api.programs import CONTENT, FOLDER
 from controller.ipc import control_socket
 from controller.machine import arrangement, tool_store
-from controller.messages import Said, of_error, said
+from controller.messages import Message, message, of_error
 from controller.runtime import events
 from controller.service import alarms, owners
 from controller.service.folders import Folders
@@ -41,7 +41,7 @@ class Found(NamedTuple):
 
     file: str
     condition: Condition
-    why: Said | None = None
+    why: Message | None = None
 
 
 @app.callback()
@@ -163,17 +163,17 @@ def _alarms(file: Path, state: Path) -> Condition:
 
 def _log_in(file: Path, state: Path) -> Condition:
     if log_in_marker.users(state) is None:
-        raise sealed_file.Damaged(said("sealed.other"))
+        raise sealed_file.Damaged(message("sealed.other"))
     return OK
 
 
 def _rows(file: Path, state: Path) -> Condition:
     with contextlib.closing(own_database.opened(file, shared=file.name == database.FILE)) as sql:
         if own_database.has_lost(sql, file):
-            raise sealed_file.Damaged(said("cli.state.lost"))
+            raise sealed_file.Damaged(message("cli.state.lost"))
         wrong = sealed_rows.look(sql)
     if wrong:
-        raise sealed_file.Damaged(said("cli.state.rows", tables=wrong))
+        raise sealed_file.Damaged(message("cli.state.rows", tables=wrong))
     return OLDER if wrong is None else OK
 
 
@@ -203,7 +203,7 @@ def _events(file: Path, state: Path) -> Condition:
 def _same(data: bytes, wanted: str) -> None:
     """Raises Damaged."""
     if hashlib.sha256(data).hexdigest() != wanted:
-        raise sealed_file.Damaged(said("sealed.other"))
+        raise sealed_file.Damaged(message("sealed.other"))
 
 
 def _packed(file: Path, state: Path) -> Condition:

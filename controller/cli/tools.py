@@ -11,7 +11,7 @@ import typer
 from rich.table import Table
 
 from controller.cli import remote
-from controller.cli.client import Json, TakeOver, Url, asked, named, tell_done
+from controller.cli.client import Json, TakeOver, Url, connected, named, tell_done
 from controller.cli.offsets import typed
 from controller.cli.speech import say, speaking
 from controller.machine import tool_files
@@ -55,7 +55,7 @@ def tools(
         raise typer.BadParameter(say("tools_no_life"))
     if (values or touch) and change is None:
         raise typer.BadParameter(say("tools_no_set", typed=" ".join([*(values or ()), *(touch or ())])))
-    with asked(url, as_json) as machine:
+    with connected(url, as_json) as machine:
         if change is not None or delete is not None or read is not None:
             with machine.control(take_over):
                 by_values = change if values or not touch else None

@@ -24,7 +24,7 @@ INSIDE = "why"  # the place of another sentence
 
 
 @contextmanager
-def told_in(language: str) -> Iterator[None]:
+def in_language(language: str) -> Iterator[None]:
     """Gives what typer raises meanwhile its words in this language, and what is shown around them."""
     try:
         yield
@@ -57,7 +57,7 @@ def translated(sentence: str, language: str) -> str:
             values = found.groupdict()
             if INSIDE in values:
                 values[INSIDE] = translated(values[INSIDE], language)
-            return messages.text(messages.said(key, **values), language)
+            return messages.text(messages.message(key, **values), language)
     return sentence
 
 

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from controller.cli import verify
-from controller.messages import said
+from controller.messages import message
 from controller.runtime import children
 
 NICE = 15  # behind the checks, which somebody waits for
@@ -34,7 +34,7 @@ def judged(record: Path) -> dict[str, Any]:
     try:
         return verify.of_run(record)
     except Exception:  # whatever it is, the command says it to who asks
-        return {"refused": said("run_not_judged", record=record.name)}
+        return {"refused": message("run_not_judged", record=record.name)}
 
 
 if __name__ == "__main__":

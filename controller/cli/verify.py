@@ -75,7 +75,7 @@ class Found:
             told = messages.several(wording.summed(self.verdicts) or "", _others(self.exceeding - 1))
         else:
             first = self.gouges[0]
-            told = first.told("gouge.one", line=first.by_line, more=_others(len(self.gouges) - 1))
+            told = first.with_advice("gouge.one", line=first.by_line, more=_others(len(self.gouges) - 1))
         return messages.text(told, spoken.get())
 
     def to_dict(self, machine: Machine) -> dict[str, Any]:
@@ -85,20 +85,20 @@ class Found:
             "accuracy_mm": {"settled": SETTLED_MM, "poses": FIT_MM},
             "table": machine.table is not None,
             "surfaces": [one.to_dict() for one in self.judged],
-            "gouges": _told(self.gouges),
-            "ends": _told(self.ends),
-            "verdict": messages.told(wording.told(self.verdicts), spoken.get()),
+            "gouges": _gouges_json(self.gouges),
+            "ends": _gouges_json(self.ends),
+            "verdict": messages.with_sentences(wording.to_json(self.verdicts), spoken.get()),
             **({"bounds": [one.to_dict() for one in self.bounds]} if self.bounds is not None else {}),
-            "notes": [note.told(spoken.get()) for note in self.notes],
+            "notes": [note.to_json(spoken.get()) for note in self.notes],
         }
 
 
-def _others(count: int) -> messages.Said | str:
-    return messages.said("gouge.others", more=count) if count else ""
+def _others(count: int) -> messages.Message | str:
+    return messages.message("gouge.others", more=count) if count else ""
 
 
-def _told(gouges: Sequence[Gouge]) -> list[dict[str, Any]]:
-    return [{**one.to_dict(), "sentence": messages.text(one.said, spoken.get())} for one in gouges]
+def _gouges_json(gouges: Sequence[Gouge]) -> list[dict[str, Any]]:
+    return [{**one.to_dict(), "sentence": messages.text(one.message, spoken.get())} for one in gouges]
 
 
 @speech.speaking
@@ -166,7 +166,7 @@ def of_run(folder: Path) -> dict[str, Any]:
         }
         for one in found.judged[:MAX_SURFACES]
     ]
-    return {"verdict": wording.told(found.verdicts), "gouges": len(found.gouges), "surfaces": surfaces}
+    return {"verdict": wording.to_json(found.verdicts), "gouges": len(found.gouges), "surfaces": surfaces}
 
 
 def judged(task: checked.Task, as_json: bool) -> Found:
@@ -251,8 +251,8 @@ def _found(
     left = [one.nominal.line for one in judged if recorded is not None and one.inside.uncut == 1.0]
     notes = [
         *walk.notes,
-        *([] if surfaces else [Note(Place(1, 1), messages.said("note.no_surface"))]),
-        *[Note(Place(line, 1), messages.said("note.not_cut")) for line in left],
+        *([] if surfaces else [Note(Place(1, 1), messages.message("note.no_surface"))]),
+        *[Note(Place(line, 1), messages.message("note.not_cut")) for line in left],
     ]
     of = "plan" if recorded is None else "commanded" if commanded else "actual"
     verdicts = [one for one in seen.verdicts if one.line not in left]
@@ -336,7 +336,7 @@ def show_found(found: Found) -> None:
 
 
 def _show_gouge(one: Gouge, key: str) -> None:
-    show.print(messages.text(one.told(key, line=one.by_line), spoken.get()), markup=False)
+    show.print(messages.text(one.with_advice(key, line=one.by_line), spoken.get()), markup=False)
 
 
 def _table(found: Found) -> Table:

@@ -56,7 +56,7 @@ class Request(IntEnum):
     SPINDLE = 19  # value: rev/min by hand, without a program; signed, 0 = off
     COOLANT = 20  # value: 0 off, 1 mist, 2 flood, 3 both; of a program until it says otherwise
     CLAMPS = 21  # value: bit mask of the axes whose clamps are open by hand
-    PREPARE = 22  # value: outputs of a tool changer's preparation, see ``Changer.told``
+    PREPARE = 22  # value: outputs of a tool changer's preparation, see ``Changer.output_word``
     ADAPTIVE_FEED = 23  # value: 1 = adaptive feed also without M52 P1, 0 = as the program says
 
 

@@ -14,7 +14,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any, Protocol
 
 from controller.geometry.vectors import ZERO, Number, Vector, add, dot, norm, scale, subtract
-from controller.messages import said, text
+from controller.messages import message, text
 
 if TYPE_CHECKING:
     import numpy as np
@@ -31,7 +31,7 @@ class NoLength(ValueError):
     """Why there is no way along a curve."""
 
     def __init__(self, key: str) -> None:
-        self.said = said(key)
+        self.said = message(key)
         super().__init__(text(self.said))
 
 

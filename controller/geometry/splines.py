@@ -21,7 +21,7 @@ from typing import Any
 
 from controller.geometry.curves import Bezier, Curve, Points
 from controller.geometry.vectors import ZERO, Number, Vector, add, scale, subtract
-from controller.messages import Said, said, text
+from controller.messages import Message, message, text
 
 Weights = tuple[float, ...]
 Rows = tuple[tuple[float, ...], ...]
@@ -34,7 +34,7 @@ _HIGHEST = 3  # derivative kept as control points; series make what lies above
 class BadSpline(ValueError):
     """Why order, knots, points and weights make no curve; ``what`` and ``index`` name the culprit."""
 
-    def __init__(self, why: Said, what: str, index: int = 0) -> None:
+    def __init__(self, why: Message, what: str, index: int = 0) -> None:
         super().__init__(text(why))
         self.said, self.what, self.index = (
             why,
@@ -255,18 +255,18 @@ def splined(curve: Curve) -> BSpline:
 def check(order: int, knots: Sequence[float], points: Sequence[Vector], weights: Sequence[float]) -> None:
     """Raise BadSpline for the first of order, counts, weights and knots that makes no curve."""
     if order not in ORDERS:
-        raise BadSpline(said("spline.order", order=order, least=ORDERS[0], most=ORDERS[-1]), "order")
+        raise BadSpline(message("spline.order", order=order, least=ORDERS[0], most=ORDERS[-1]), "order")
     n = len(points)
     if n < order:
-        raise BadSpline(said("spline.few_points", count=n, order=order), "points")
+        raise BadSpline(message("spline.few_points", count=n, order=order), "points")
     if len(knots) != n + order:
-        why = said("spline.count_of_knots", count=n, order=order, needed=n + order, found=len(knots))
+        why = message("spline.count_of_knots", count=n, order=order, needed=n + order, found=len(knots))
         raise BadSpline(why, "knots", min(len(knots), n + order) - 1)
     if weights and len(weights) != n:
-        raise BadSpline(said("spline.count_of_weights", count=n, found=len(weights)), "weights")
+        raise BadSpline(message("spline.count_of_weights", count=n, found=len(weights)), "weights")
     for i, weight in enumerate(weights):
         if not weight > 0.0:
-            raise BadSpline(said("spline.weight", weight=weight), "weights", i)
+            raise BadSpline(message("spline.weight", weight=weight), "weights", i)
     _check_knots(order, knots)
 
 
@@ -274,11 +274,11 @@ def _check_knots(order: int, knots: Sequence[float]) -> None:
     span, index = knots[-1] - knots[0], 0
     for i, (a, b) in enumerate(pairwise(knots), start=1):
         if a > b:
-            raise BadSpline(said("spline.falling", a=a, b=b), "knots", i)
+            raise BadSpline(message("spline.falling", a=a, b=b), "knots", i)
         if 0.0 < b - a < ONE_KNOT * span:
-            raise BadSpline(said("spline.near", a=a, b=b), "knots", i)
+            raise BadSpline(message("spline.near", a=a, b=b), "knots", i)
     if span == 0.0:
-        raise BadSpline(said("spline.all_alike", knot=knots[0]), "knots", len(knots) - 1)
+        raise BadSpline(message("spline.all_alike", knot=knots[0]), "knots", len(knots) - 1)
     for knot, same in groupby(knots):
         times = len(list(same))
         index += times
@@ -286,9 +286,9 @@ def _check_knots(order: int, knots: Sequence[float]) -> None:
         if at_end and times != order:
             key = "spline.first_knot" if index == times else "spline.last_knot"
             place = index if times < order and index == times else index - 1  # what stands there instead
-            raise BadSpline(said(key, knot=knot, times=times, order=order), "knots", place)
+            raise BadSpline(message(key, knot=knot, times=times, order=order), "knots", place)
         if not at_end and times >= order:
-            why = said("spline.inner_knot", knot=knot, times=times, order=order, most=order - 1)
+            why = message("spline.inner_knot", knot=knot, times=times, order=order, most=order - 1)
             raise BadSpline(why, "knots", index - 1)
 
 

@@ -30,7 +30,7 @@ from typing import Any
 
 from controller import atomic_file, messages, own_files, sealed_file
 from controller.ipc import internal_error
-from controller.messages import Key, Said, plain, said
+from controller.messages import Key, Message, message, plain
 
 Values = dict[str, Any]
 Answer = Values | Future[Values]
@@ -43,7 +43,7 @@ MAX_ANSWER = 2 * MAX_BYTES  # of an answer
 MAX_PEERS = 64
 CODES = ("refused", "bad", "missing", "busy", "gone", "silent", "unrecorded", "worn")
 FACTS = ("code", "mode", "request")  # of a refusal, beside what it says
-ANSWER_S = 600.0  # a whole program may have to be read before the answer
+ANSWER_TIMEOUT_S = 600.0  # a whole program may have to be read before the answer
 BUFFER_BYTES = 1 << 20  # of a socket
 
 
@@ -55,7 +55,7 @@ class CommandRefused(Exception):
     "worn" = it would be done if that were confirmed.
     """
 
-    def __init__(self, code: str, said: Said | str, mode: str = "", request: str = "") -> None:
+    def __init__(self, code: str, said: Message | str, mode: str = "", request: str = "") -> None:
         """``said``: a sentence alone where it has no key, as that of a program's reader."""
         self.said = plain(said)
         super().__init__(self.sentence)
@@ -71,7 +71,9 @@ class CommandRefused(Exception):
     @classmethod
     def from_dict(cls, told: Mapping[str, Any]) -> CommandRefused:
         values = told.get("values")
-        key = Said(key=str(told.get("key") or "no_reason"), values=values if isinstance(values, dict) else {})
+        key = Message(
+            key=str(told.get("key") or "no_reason"), values=values if isinstance(values, dict) else {}
+        )
         return cls(said=key, **{name: str(told.get(name, "")) for name in FACTS})
 
 
@@ -107,8 +109,8 @@ def runtime_of(state: Path) -> Path:
         return runtime_folder()
 
 
-def last_told(state: Path, what: str) -> Values:
-    """The "status" or "facts" that the service of a state folder told last, with ``gone_s``: so long ago.
+def last_known(state: Path, what: str) -> Values:
+    """The "status" or "facts" that the service of a state folder stored last, with ``gone_s``: so long ago.
 
     Empty where nothing is known.
     """
@@ -146,7 +148,7 @@ def is_served(path: Path) -> bool:
 class Client:
     """Asks the service. Any number of threads may use one; each request has a connection to itself."""
 
-    def __init__(self, path: Path, longest_s: float = ANSWER_S) -> None:
+    def __init__(self, path: Path, longest_s: float = ANSWER_TIMEOUT_S) -> None:
         """``path``: of the socket; ``longest_s``: how long an answer may take."""
         self._path, self._longest_s = path, longest_s
         self._idle: list[socket.socket] = []
@@ -186,7 +188,7 @@ class Client:
             number = self._number
         packet = packed({"id": number, "verb": verb, "args": args})
         if len(packet) > MAX_BYTES:
-            raise CommandRefused("bad", said("long_request", verb=verb, bytes=len(packet)))
+            raise CommandRefused("bad", message("long_request", verb=verb, bytes=len(packet)))
         return number, packet
 
     def _answer(self, own: socket.socket, number: int) -> Values:
@@ -221,7 +223,7 @@ class Client:
             own.connect(str(self._path))
         except (FileNotFoundError, ConnectionError) as error:
             own.close()
-            raise CommandRefused("gone", said("no_service", path=self._path, why=error)) from error
+            raise CommandRefused("gone", message("no_service", path=self._path, why=error)) from error
         except OSError as error:
             own.close()
             raise self._silent(error) from error
@@ -233,15 +235,15 @@ class Client:
             self._take(fresh=True).close()
         except CommandRefused as error:
             return error
-        return CommandRefused("silent", said("started_anew", path=self._path, verb=verb))
+        return CommandRefused("silent", message("started_anew", path=self._path, verb=verb))
 
     def _silent(self, error: OSError) -> CommandRefused:
         """Somebody holds the socket: what is loaded there may be running."""
         if isinstance(error, PermissionError):
-            return CommandRefused("silent", said("stranger", path=self._path))
+            return CommandRefused("silent", message("stranger", path=self._path))
         why = error if error.strerror else Key("no_answer_within")
         return CommandRefused(
-            "silent", said("silent_door", path=self._path, why=why, seconds=self._longest_s)
+            "silent", message("silent_door", path=self._path, why=why, seconds=self._longest_s)
         )
 
 
@@ -258,7 +260,7 @@ def _received(own: socket.socket) -> bytes:
 
 def own_error(error: BaseException) -> CommandRefused:
     """A mistake of ours as an answer."""
-    return CommandRefused("busy", said("own_error", error=internal_error.told(error)))
+    return CommandRefused("busy", message("own_error", error=internal_error.summary(error)))
 
 
 def packed(told: Values) -> bytes:

@@ -6,7 +6,7 @@ import traceback
 from pathlib import Path
 
 
-def told(error: BaseException) -> str:
+def summary(error: BaseException) -> str:
     """Its kind, place and words on one line: ``ValueError in mesh.py, line 12: ...``."""
     frame = traceback.extract_tb(error.__traceback__)[-1] if error.__traceback__ else None
     where = f" in {Path(frame.filename).name}, line {frame.lineno}" if frame else ""

@@ -16,7 +16,7 @@ from typing import NamedTuple
 from controller.ipc.handoff import Board
 
 
-class Wanted(NamedTuple):
+class Commanded(NamedTuple):
     """``rev_min``: signed, positive as M3; 0: stop. ``order``: its number; ``resets``: asked for so far."""
 
     rev_min: float = 0.0
@@ -41,16 +41,16 @@ class InverterSlot:
         self._wanted = Board(struct.Struct("<dQQ"), first, create)
         self._reported = Board(struct.Struct("<dQ??"), second, create)
 
-    def want(self, wanted: Wanted) -> None:
+    def want(self, wanted: Commanded) -> None:
         self._wanted.write(wanted)
 
     def report(self, reported: Reported) -> None:
         self._reported.write(reported)
 
-    def wanted(self) -> tuple[Wanted, int]:
+    def commanded(self) -> tuple[Commanded, int]:
         """The newest, and how many there have been."""
         values = self._wanted.newest()
-        return (Wanted(), 0) if values is None else (Wanted(*values), self._wanted.count)
+        return (Commanded(), 0) if values is None else (Commanded(*values), self._wanted.count)
 
     def reported(self) -> tuple[Reported, int]:
         """The newest, and how many there have been."""

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 from controller import atomic_file, own_files, sealed_file
 from controller.machine.model import Machine
-from controller.messages import Said, plain
+from controller.messages import Message, plain
 from drives.arranged import Arranged
 
 FOLDER = "arranged"  # in the state folder
@@ -55,7 +55,7 @@ def load(where: Path, machine: Machine) -> Found | None:
         return None
 
 
-def _one(objects: list[tuple[str, int]], notes: list[Said | str], **values: object) -> Arranged:
+def _one(objects: list[tuple[str, int]], notes: list[Message | str], **values: object) -> Arranged:
     """Notes were words once."""
     pairs = tuple((str(place), int(value)) for place, value in objects)
     return Arranged(**values, objects=pairs, notes=tuple(map(plain, notes)))  # type: ignore[arg-type]

@@ -31,7 +31,7 @@ from controller.machine.forms import (
     any_of,
 )
 from controller.machine.reading import Reading, Rules, Unread
-from controller.messages import said
+from controller.messages import message
 from drives.profile import Override
 from drives.settings import DEMAND, INT32_MAX, OFF_DEMAND
 from drives.text_file import Source
@@ -42,7 +42,7 @@ USUAL_SHARE = 0.5
 REST_SHARE = IN_POSITION_SHARE = 0.1
 PARALLEL = 1e-6
 WITHIN_TRAVEL = "within the travel"
-OF_IO = said("file.may.name_of", of="[io]")
+OF_IO = message("file.may.name_of", of="[io]")
 SLIDES, ROTARIES = ("X", "Y", "Z"), ("A", "B", "C")
 # What real machines have, from heavy gantries to linear motors; of a count 0.01 mm and 0.02 degree at most.
 VELOCITY = {"mm": (1.0, 5000.0), "deg": (0.5, 20_000.0)}
@@ -311,7 +311,7 @@ class Axis:
     name: str = key(
         Choice(lambda here: ROTARIES if _is_rotary(here) else SLIDES),
         "X, Y, Z of a slide, A, B, C of a rotary",
-        may_be=said("file.may.letters", slides=any_of(SLIDES), rotaries=any_of(ROTARIES)),
+        may_be=message("file.may.letters", slides=any_of(SLIDES), rotaries=any_of(ROTARIES)),
     )
     kind: Kind = key(
         Choice({one.value: one for one in Kind}), "a slide, a rotary under the work, or a rotary in the head"

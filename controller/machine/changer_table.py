@@ -47,7 +47,7 @@ from controller.machine.forms import FLAG, NAMES, TEXT, Choice, Number, Own, Row
 from controller.machine.reading import Reading, Rules, Unread
 from controller.machine.toml_table import Table, is_number
 from controller.messages import Key as TextKey
-from controller.messages import said
+from controller.messages import message
 
 SEQUENCES = ("put_away", "take")
 PREPARE = "prepare"
@@ -83,7 +83,7 @@ def _moves(here: Reading, name: str) -> Moves:
 def _places(entry: Table, name: str, axis: Axis, pockets: int | None) -> tuple[float, ...]:
     """``pockets``: how many there are; None where that is not known."""
     low, high = sorted((axis.travel_min * axis.shown_per_unit, axis.travel_max * axis.shown_per_unit))
-    allowed = said("file.may.positions", low=low, high=high, pockets=pockets or 1)
+    allowed = message("file.may.positions", low=low, high=high, pockets=pockets or 1)
     value = entry.get(name, allowed)
     places = value if isinstance(value, list) else [value]
     if not all(map(is_number, places)) or (pockets is not None and len(places) not in (1, pockets)):
@@ -104,9 +104,9 @@ def _pockets(here: Reading, name: str) -> tuple[int, ...]:
     return tuple(value)
 
 
-POCKETS = said("file.may.pockets", most=MAX_POCKETS)
+POCKETS = message("file.may.pockets", most=MAX_POCKETS)
 POSITIONS = {"type": ["number", "array"], "items": {"type": "number"}}
-MOVES = Own(_moves, said("file.may.table"), {"type": "object", "additionalProperties": POSITIONS})
+MOVES = Own(_moves, message("file.may.table"), {"type": "object", "additionalProperties": POSITIONS})
 
 
 @dataclass(frozen=True, slots=True)
@@ -195,8 +195,8 @@ class Changer:
         """The outputs that a preparation switches, each once."""
         return tuple(dict.fromkeys(name for step in self.prepare for name in step.switches))
 
-    def told(self, step: ChangerStep, pocket: int) -> float:
-        """A step of the preparation as the tick is asked for it; 0.0: it switches nothing."""
+    def output_word(self, step: ChangerStep, pocket: int) -> float:
+        """The outputs that a step of the preparation switches, as the tick takes them; 0.0: none."""
         bits = {name: 1 << i for i, name in enumerate(self.beside)}
         rows = step.outputs(pocket)
         on, off = (sum(bits[name] for name, is_on in rows if is_on is which) for which in (True, False))

@@ -17,9 +17,9 @@ from dataclasses import MISSING, dataclass, field, fields, replace
 from functools import cache
 from typing import Any
 
-from controller.messages import Said, plain, text
+from controller.messages import Message, plain, text
 
-Words = Said | str
+Words = Message | str
 Schema = dict[str, Any]
 UNITS = ("mm", "deg")
 Sizes = tuple[float, float]

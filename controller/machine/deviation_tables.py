@@ -11,11 +11,11 @@ from controller.geometry.vectors import ZERO, Vector
 from controller.machine.declaration import key
 from controller.machine.forms import VECTOR, Choice, Number, Row
 from controller.machine.reading import Reading, Rules
-from controller.messages import said
+from controller.messages import message
 
 MAX_OFF = 1.0  # mm or degrees of a deviation: what is more is no table's work
 MAX_SHIFT_MM = 0.5
-AS_MANY = said("file.may.as_many", of="at")
+AS_MANY = message("file.may.as_many", of="at")
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,14 +73,14 @@ class Straightness:
     along: str = key(
         Choice(lambda here: [axis.name for axis in here.top["axis"]]),
         "the axis whose position counts",
-        may_be=said("file.may.axis"),
+        may_be=message("file.may.axis"),
     )
     moves: str = key(
         Choice(
             lambda here: [a.name for a in here.top["axis"] if not a.is_rotary and a.name != here["along"]]
         ),
         "the axis that is off by it",
-        may_be=said("file.may.slide", but="along"),
+        may_be=message("file.may.slide", but="along"),
     )
     at: tuple[float, ...] = key(Row(), "positions of the first, rising", name="at_{unit}")
     off: tuple[float, ...] = key(

@@ -24,7 +24,7 @@ from controller.machine.declaration import key
 from controller.machine.forms import FLAG, TEXT, Choice, Integer, Own
 from controller.machine.reading import Reading, Rules, read_alone
 from controller.machine.toml_table import ConfigError, Table, is_number, parse, read_text
-from controller.messages import DEFAULT, LANGUAGES, Key, said
+from controller.messages import DEFAULT, LANGUAGES, Key, message
 from drives.profile import CyclicMode, Encoder, Override, Profile, Supervision, Write
 from drives.text_file import Source, TextFile
 
@@ -48,7 +48,7 @@ TYPES = {  # CiA 301, 7.4.7.1
     "UNSIGNED32": 0x07,
 }
 WHAT = ("low", "high", "access", "default", "mappable", "type")
-LEAST, MOST = -(2**31), 2**32 - 1  # of any integer up to 32 bits
+MIN_INTEGER, MAX_INTEGER = -(2**31), 2**32 - 1  # of any integer up to 32 bits
 
 
 def object_index(text: str) -> int | None:
@@ -74,8 +74,10 @@ def overrides(table: Table) -> tuple[Override, ...]:
     return tuple(read_alone(OverrideTable, entry, RULES) for entry in table.tables("override"))
 
 
-_SIZE = Integer(LEAST, MOST)
-WORDS = Own(lambda here, name: words(here.table, name), said("file.may.text"), {"type": ["string", "object"]})
+_SIZE = Integer(MIN_INTEGER, MAX_INTEGER)
+WORDS = Own(
+    lambda here, name: words(here.table, name), message("file.may.text"), {"type": ["string", "object"]}
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -134,7 +136,7 @@ TEXTS = frozenset(key for key in LANGUAGES[DEFAULT].texts if key.startswith("pro
 
 def words(table: Table, key: str) -> str:
     """What a profile says to whoever reads it: a text, or one of the catalogue. Raises ConfigError."""
-    value = table.get(key, said("file.may.text"))
+    value = table.get(key, message("file.may.text"))
     return _named(table, key, value) if isinstance(value, dict) else table.text(key).strip()
 
 
@@ -183,8 +185,8 @@ def profile_file(source: str, folder: Path) -> Path:
         return path
     known = sorted(one.stem for one in folder.glob("*.toml"))
     near = difflib.get_close_matches(source, known, n=1)
-    do = said("file.mean", near=near[0]) if near else said("file.name_profile")
-    raise ConfigError(said("file.no_profile", source=source, allowed=", ".join(known), do=do))
+    do = message("file.mean", near=near[0]) if near else message("file.name_profile")
+    raise ConfigError(message("file.no_profile", source=source, allowed=", ".join(known), do=do))
 
 
 def read(text: str, file: str, folder: Path, name: str, sheet: TextFile | None = None) -> Profile:
@@ -268,7 +270,7 @@ def _code(table: Table, key: str, lower: int, upper: int, default: int | None) -
 
 
 def _integers(table: Table, key: str, lower: int, upper: int, default: tuple[int, ...]) -> tuple[int, ...]:
-    allowed = said("file.may.integers", lower=lower, upper=upper)
+    allowed = message("file.may.integers", lower=lower, upper=upper)
     values = table.get(key, allowed, default)
     sound = isinstance(values, list | tuple) and values and all(type(v) is int for v in values)
     if not sound or not all(lower <= value <= upper for value in values):
@@ -277,7 +279,7 @@ def _integers(table: Table, key: str, lower: int, upper: int, default: tuple[int
 
 
 def _quirks(table: Table) -> tuple[str, ...]:
-    values = table.get("quirks", said("file.may.texts"), ())
+    values = table.get("quirks", message("file.may.texts"), ())
     if isinstance(values, list):
         values = [_named(table, "quirks", one) if isinstance(one, dict) else one for one in values]
     return _texts(table, "quirks", values)
@@ -290,7 +292,7 @@ def _texts(table: Table, key: str, values: Any) -> tuple[str, ...]:
 
 
 def _objects(table: Table, key: str) -> tuple[int, ...]:
-    values = _texts(table, key, table.get(key, said("file.may.texts"), ()))
+    values = _texts(table, key, table.get(key, message("file.may.texts"), ()))
     found = tuple(map(object_index, values))
     if None in found:
         table.refuse(key, "no_objects", object=OBJECT)
@@ -317,7 +319,7 @@ def _encoder(table: Table) -> Encoder:
 def _write(table: Table) -> Write:
     """``object = "2210:01"``, its value, and why it is needed (the end of a sentence)."""
     where = place(table)
-    value = table.get("value", said("file.may.whole"))
+    value = table.get("value", message("file.may.whole"))
     if not is_number(value) or type(value) is not int:
         table.refuse("value", "not_whole")
     write = Write(*where, value, words(table, "why"))

@@ -14,7 +14,7 @@ from controller.machine.axes import BUS, NODE, OF_IO, OVERRIDES, SHEET, UNSUPERV
 from controller.machine.declaration import key, shared
 from controller.machine.forms import FLAG, NAMES, POSITIVE, TEXT, VECTOR, Choice, Integer, Number, Own, Sub
 from controller.machine.reading import Reading, Rules, Unread
-from controller.messages import Key, said
+from controller.messages import Key, message
 from drives.profile import Override
 from drives.text_file import Source
 
@@ -70,7 +70,7 @@ class MCode:
     output: str = key(
         Choice(lambda here: here.above["digital_out"]),
         "of `digital_out`",
-        may_be=said("file.may.name_of", of="digital_out"),
+        may_be=message("file.may.name_of", of="digital_out"),
     )
     on: bool = key(FLAG, "whether it is switched on or off", default=True)
 
@@ -148,7 +148,7 @@ def _bits(here: Reading, kind: str) -> tuple[tuple[str, int], ...]:
 
 def _inverted(here: Reading, name: str) -> tuple[str, ...]:
     names = [one for one, _ in (*here["inputs"], *here["outputs"])]
-    allowed = said("file.may.inverted", names=", ".join(names) or Key("file.bits"))
+    allowed = message("file.may.inverted", names=", ".join(names) or Key("file.bits"))
     value = here.table.get(name, allowed)
     if not isinstance(value, list) or not all(one in names for one in value):
         here.table.refuse(name, "inverted_unknown", allowed=allowed)
@@ -157,7 +157,7 @@ def _inverted(here: Reading, name: str) -> tuple[str, ...]:
 
 _BITS = Own(
     _bits,
-    said("file.may.table"),
+    message("file.may.table"),
     {"type": "object", "additionalProperties": {"type": "integer", "minimum": 0, "maximum": MAX_BITS - 1}},
 )
 
@@ -176,7 +176,7 @@ class Io:
         _BITS, "name and bit", silent=()
     )
     inverted: tuple[str, ...] = key(
-        Own(_inverted, said("file.may.name_list"), NAMES.schema()),
+        Own(_inverted, message("file.may.name_list"), NAMES.schema()),
         "names whose wire is 0 when they are on",
         default=(),
         may_be="names of `[io]`",

@@ -10,7 +10,7 @@ from typing import Any
 from controller.machine.declaration import Form, Schema, Words, resolved
 from controller.machine.reading import Reading
 from controller.machine.toml_table import is_number, span
-from controller.messages import chain, said
+from controller.messages import chain, message
 
 MAX_ROW = 1000  # numbers
 Bound = float | Callable[..., float]
@@ -27,7 +27,7 @@ class Number(Form):
         return resolved(self.lower, here), resolved(self.upper, here)
 
     def allowed(self, here: Reading | None) -> Words:
-        return said("file.may.number", span=span(*self._bounds(here)))
+        return message("file.may.number", span=span(*self._bounds(here)))
 
     def read(self, here: Reading, name: str) -> float:
         try:
@@ -46,7 +46,7 @@ class _Positive(Form):
     """A finite number above zero."""
 
     def allowed(self, here: Reading | None) -> Words:
-        return said("file.may.positive")
+        return message("file.may.positive")
 
     def read(self, here: Reading, name: str) -> float:
         return here.table.positive(name)
@@ -63,7 +63,7 @@ class Integer(Form):
     upper: int
 
     def allowed(self, here: Reading | None) -> Words:
-        return said("file.may.integer", lower=self.lower, upper=self.upper)
+        return message("file.may.integer", lower=self.lower, upper=self.upper)
 
     def read(self, here: Reading, name: str) -> int:
         return here.table.integer(name, self.lower, self.upper)
@@ -107,7 +107,7 @@ class _Text(Form):
     """Any text."""
 
     def allowed(self, here: Reading | None) -> Words:
-        return said("file.may.text")
+        return message("file.may.text")
 
     def read(self, here: Reading, name: str) -> str:
         return here.table.text(name)
@@ -120,7 +120,7 @@ class _Flag(Form):
     """true or false."""
 
     def allowed(self, here: Reading | None) -> Words:
-        return said("file.may.flag")
+        return message("file.may.flag")
 
     def read(self, here: Reading, name: str) -> bool:
         return here.table.flag(name, False)
@@ -136,7 +136,7 @@ class Numbers(Form):
     count: int
 
     def allowed(self, here: Reading | None) -> Words:
-        return said("file.may.numbers", count=self.count)
+        return message("file.may.numbers", count=self.count)
 
     def read(self, here: Reading, name: str) -> tuple[float, ...]:
         return here.table.numbers(name, self.count)
@@ -153,7 +153,7 @@ class _Names(Form):
     """A list of texts, each once."""
 
     def allowed(self, here: Reading | None) -> Words:
-        return said("file.may.name_list")
+        return message("file.may.name_list")
 
     def read(self, here: Reading, name: str) -> tuple[str, ...]:
         return here.table.names(name)
@@ -171,8 +171,8 @@ class Row(Form):
 
     def allowed(self, here: Reading | None) -> Words:
         count = resolved(self.count, here)
-        each = "" if math.isinf(self.most) else said("file.may.each", low=-self.most, high=self.most)
-        return said("file.may.row" if count else "file.may.rows", count=count, most=MAX_ROW, each=each)
+        each = "" if math.isinf(self.most) else message("file.may.each", low=-self.most, high=self.most)
+        return message("file.may.row" if count else "file.may.rows", count=count, most=MAX_ROW, each=each)
 
     def read(self, here: Reading, name: str) -> list[float]:
         value, known = here.table.get(name, ""), self
@@ -220,7 +220,7 @@ class Sub(Form):
     always: bool = False  # a file without it has an empty one
 
     def allowed(self, here: Reading | None) -> Words:
-        return said("file.may.table")
+        return message("file.may.table")
 
     def read(self, here: Reading, name: str) -> Any:
         shown = f"[{name}]" if self.top else f"{here.table.name} {name}"
@@ -250,7 +250,7 @@ class Rows(Form):
     beneath: bool = False  # they are called by the table above, too
 
     def allowed(self, here: Reading | None) -> Words:
-        return said("file.may.tables", key="...")
+        return message("file.may.tables", key="...")
 
     def read(self, here: Reading, name: str) -> Any:
         rows, found = here.table.tables(name), []

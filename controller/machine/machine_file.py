@@ -62,7 +62,7 @@ from controller.machine.nodes import node_settings as node_settings
 from controller.machine.nodes import spindle_settings as spindle_settings
 from controller.machine.reading import Check, File, Reading, Rules
 from controller.machine.toml_table import ConfigError, Table, parse, read_text, span
-from controller.messages import chain, said
+from controller.messages import chain, message
 
 TOOL_TABLE = "tools.toml"
 LINEAR = {"X": X, "Y": Y, "Z": Z}
@@ -275,7 +275,7 @@ def _check_retract(top: Reading) -> None:
     z = next((axis for axis in top["axis"] if axis.name == "Z"), None)
     general = top.one_below("machine")
     if z is not None and not z.travel_min <= general["retract_mm"] <= z.travel_max:
-        travel = said("file.may.z_travel", span=span(z.travel_min, z.travel_max))
+        travel = message("file.may.z_travel", span=span(z.travel_min, z.travel_max))
         general.table.refuse("retract_mm", "retract_beyond", allowed=travel)
 
 
@@ -333,7 +333,7 @@ def _check_devices(device: Reading) -> None:
         return
     for axis in device.top["axis"]:
         if (axis.bus, axis.node) == mine:
-            device.table.refuse("node", "node_twice", other=said("file.axis", name=axis.name), bus=mine[0])
+            device.table.refuse("node", "node_twice", other=message("file.axis", name=axis.name), bus=mine[0])
     spindle_ = device.top["spindle"]
     if device.of is Io and spindle_ is not None and (spindle_.bus, spindle_.node) == mine:
         device.table.refuse("node", "node_twice", other="[spindle]", bus=mine[0])
@@ -380,15 +380,15 @@ def shipped_program(name: str) -> Path:
     if path.is_file():
         return path
     known = ", ".join(sorted(p.stem for p in path.parent.glob("*.ngc")))
-    raise ConfigError(said("file.no_program", name=name, allowed=known))
+    raise ConfigError(message("file.no_program", name=name, allowed=known))
 
 
 def with_period(machine: Machine, period_s: float) -> Machine:
     """The same machine at another period; raises ``ConfigError``. ``text`` stays the file's."""
     if PERIODS_S[0] <= period_s <= PERIODS_S[1]:
         return replace(machine, period_s=period_s)
-    wrong = said("file.out_of_range", allowed=said("file.may.number", span=span(*PERIODS_S)))
-    raise ConfigError(said("file.period", name=machine.name, period=f"{period_s:g}", what=wrong))
+    wrong = message("file.out_of_range", allowed=message("file.may.number", span=span(*PERIODS_S)))
+    raise ConfigError(message("file.period", name=machine.name, period=f"{period_s:g}", what=wrong))
 
 
 def _find(source: str | Path) -> Path:
@@ -399,5 +399,5 @@ def _find(source: str | Path) -> Path:
     if name in shipped():
         return SHIPPED / f"{name}.toml"
     near = difflib.get_close_matches(name, shipped(), n=1)
-    do = said("file.mean", near=near[0]) if near else said("file.give_machine")
-    raise ConfigError(said("file.no_machine", source=source, known=", ".join(shipped()), do=do))
+    do = message("file.mean", near=near[0]) if near else message("file.give_machine")
+    raise ConfigError(message("file.no_machine", source=source, known=", ".join(shipped()), do=do))

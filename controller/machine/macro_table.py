@@ -8,11 +8,11 @@ from controller.commands.table import MAX_MACRO
 from controller.machine.declaration import key
 from controller.machine.forms import TEXT, Choice, Own
 from controller.machine.reading import Reading
-from controller.messages import said
+from controller.messages import message
 
 MACRO_ROLES = ("operate", "set_up")  # who may press the button of a macro
 MAX_TEXT = 1000  # letters of all lines, as of what is typed by hand
-_LINES = said("file.may.lines", most=MAX_TEXT)
+_LINES = message("file.may.lines", most=MAX_TEXT)
 
 
 def _name(here: Reading, key: str) -> str:

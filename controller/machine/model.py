@@ -49,7 +49,7 @@ from controller.machine.spindle import AdaptiveFeed as AdaptiveFeed
 from controller.machine.spindle import Spindle as Spindle
 from controller.machine.spindle import SpindlePosition as SpindlePosition
 from controller.machine.toml_table import span
-from controller.messages import said
+from controller.messages import message
 
 T = TypeVar("T")
 
@@ -87,7 +87,7 @@ class Bus:
 def _check_rate(here: Reading) -> None:
     is_free = here["interface"] == "virtual" and here["bit_rate"] == 0
     if here["bit_rate"] not in BIT_RATES and not is_free:
-        rates = said("file.may.bit_rate", rates=", ".join(map(str, BIT_RATES)))
+        rates = message("file.may.bit_rate", rates=", ".join(map(str, BIT_RATES)))
         here.table.refuse("bit_rate", "no_bit_rate", allowed=rates)
 
 
@@ -148,7 +148,7 @@ class Tool:
     length_mm: float = key(
         Number(lambda here: SHORTEST_SET_MM if here.called == SET else 0.0),
         "from the gauge line to the tip",
-        may_be=said("file.may.number", span=span(0, math.inf)),
+        may_be=message("file.may.number", span=span(0, math.inf)),
         usual=(0.0, 1000.0),
     )
     flute_mm: float = key(
@@ -203,6 +203,14 @@ class Tool:
         default=None,
         shown=False,
         left_out="true, but false of a probe",
+    )
+    max_rev_min: float | None = key(
+        POSITIVE,
+        "largest S with it in the spindle, whatever the override",
+        default=None,
+        shown=False,
+        left_out="as the spindle",
+        usual=(50.0, 300_000.0),
     )
     # Its end cuts up to the axis: it may be plunged into stock. No path depends on it either.
     centre_cutting: bool = key(
@@ -432,10 +440,15 @@ class Machine:
 
     def may_turn(self, tool: int) -> bool:
         """Whether the spindle may turn with the tool of this number; a probe breaks of it."""
-        found = self.tool_as_told(tool)
+        found = self.table_tool(tool)
         if found is not None and found.may_turn is not None:
             return found.may_turn
         return self.probe is None or self.probe.tool != tool
+
+    def max_rev_min(self, tool: int) -> float:
+        """How fast the spindle may turn with the tool of this number (1/min); inf where no file says."""
+        most, found = math.inf if self.spindle is None else self.spindle.max_rev_min, self.table_tool(tool)
+        return most if found is None or found.max_rev_min is None else min(most, found.max_rev_min)
 
     def sensor(self, tool: int) -> Sensor | None:
         """What a probing move with this tool in the spindle listens to: the probe itself, else the setter."""
@@ -510,10 +523,10 @@ class Machine:
 
     def tool(self, number: int) -> Tool | None:
         """A tool of the table as it is cut with: worn."""
-        found = self.tool_as_told(number)
+        found = self.table_tool(number)
         return None if found is None else found.worn
 
-    def tool_as_told(self, number: int) -> Tool | None:
+    def table_tool(self, number: int) -> Tool | None:
         """A tool of the table with its wear beside its size."""
         return next((tool for tool in self.tools if tool.number == number), None)
 

@@ -10,7 +10,7 @@ from typing import Any
 from controller.machine import compensation, drive_profiles
 from controller.machine.model import Axis, Demand, Machine, SpindlePosition, Temperature
 from controller.machine.toml_table import ConfigError
-from controller.messages import said
+from controller.messages import message
 from drives.settings import (
     BusSettings,
     FollowingWindow,
@@ -105,7 +105,7 @@ def eds_of(profile: Source, named: Source = "") -> Source:
     """
     eds = named or drive_profiles.load(profile).eds
     if not eds:
-        raise ConfigError(said("file.no_eds", profile=profile))
+        raise ConfigError(message("file.no_eds", profile=profile))
     return eds if isinstance(eds, TextFile) else str(Path(eds).resolve())
 
 
@@ -149,11 +149,11 @@ def _node(axis: Axis, off: float, machine: Machine) -> NodeSettings:
         temperature_tpdo=axis.temperature.tpdo if axis.temperature else 0,
         temperature_entry=_entry(axis.temperature) if axis.temperature else 0,
         setpoint_deadline_s=axis.setpoint_deadline_s,
-        **({} if axis.demand is None else _told_demand(axis.demand)),
+        **({} if axis.demand is None else _demand_settings(axis.demand)),
     )
 
 
-def _told_demand(told: Demand) -> dict[str, Any]:
+def _demand_settings(told: Demand) -> dict[str, Any]:
     """Where the setpoint comes from that a drive goes by."""
     return {
         "demand_tpdo": told.tpdo,

@@ -13,7 +13,7 @@ from controller.machine.declaration import Schema, key
 from controller.machine.forms import VECTOR, Own, Sub
 from controller.machine.reading import File, Reading
 from controller.machine.toml_table import Table
-from controller.messages import said
+from controller.messages import message
 
 # Work offsets as programs name them, in the order of ``Machine.offsets``.
 OFFSETS = (
@@ -27,10 +27,10 @@ KEPT_NUMBERS = (31, 5000)  # parameters that a machine may keep from program to 
 KEPT_BY_DIALECT: dict[str, tuple[tuple[int, int], ...]] = {"rs274": (), "fanuc": ((500, 999),)}
 Pair = tuple[float, float]
 STILL: Pair = (0.0, 0.0)
-_KEPT = said("file.may.kept", low=KEPT_NUMBERS[0], high=KEPT_NUMBERS[1])
+_KEPT = message("file.may.kept", low=KEPT_NUMBERS[0], high=KEPT_NUMBERS[1])
 
 
-def _kept(here: Reading, name: str) -> tuple[tuple[int, int], ...]:
+def _persistent_parameters(here: Reading, name: str) -> tuple[tuple[int, int], ...]:
     """Numbered parameters that outlive a program: ``kept_parameters = [100, [500, 549]]``."""
     rows, (low, high) = here.table.get(name, _KEPT), KEPT_NUMBERS
     pairs = [
@@ -45,7 +45,7 @@ def _kept(here: Reading, name: str) -> tuple[tuple[int, int], ...]:
 
 _NUMBER = {"type": "integer", "minimum": KEPT_NUMBERS[0], "maximum": KEPT_NUMBERS[1]}
 _PAIR = {"type": "array", "items": _NUMBER, "minItems": 2, "maxItems": 2}
-KEPT = Own(_kept, _KEPT, {"type": "array", "items": {"anyOf": [_NUMBER, _PAIR]}})
+KEPT = Own(_persistent_parameters, _KEPT, {"type": "array", "items": {"anyOf": [_NUMBER, _PAIR]}})
 
 
 def rotary(table: Table, key: str, axes: Sequence[Axis], before: Pair = STILL) -> Pair:
@@ -79,7 +79,7 @@ class OffsetTable:
     rotary_deg: Pair | None = key(
         Own(
             lambda here, name: rotary(here.table, name, here.top["axis"]),
-            said("file.may.table"),
+            message("file.may.table"),
             {"type": "object", "additionalProperties": {"type": "number"}},
         ),
         "by rotary: what its words are shifted by",

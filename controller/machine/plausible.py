@@ -17,7 +17,7 @@ from controller.machine.named_files import NamedFiles
 from controller.machine.reading import Check, File, Reading
 from controller.machine.spindle import MODES, Spindle
 from controller.machine.toml_table import ConfigError, parse, span
-from controller.messages import Said
+from controller.messages import Message
 
 TRAVEL = {"mm": (10.0, 10_000.0), "deg": (2.0, 100_000.0)}  # from end to end
 MAX_TO_SPEED_S = 5.0  # that an axis takes to its largest velocity,
@@ -27,7 +27,7 @@ TURN = math.tau
 MIN_WINDOW_COUNTS = 2.0  # of the following error: what is below stops the drive at once
 
 
-def doubts(machine: Machine) -> list[Said]:
+def doubts(machine: Machine) -> list[Message]:
     """What is asked about the file of a machine, in the order of its lines; nothing of one without a file."""
     try:
         top = parse(machine.text, machine.name)
@@ -48,7 +48,7 @@ def doubts(machine: Machine) -> list[Said]:
     ]
 
 
-def _without_line(doubt: ConfigError, file: str) -> Said:
+def _without_line(doubt: ConfigError, file: str) -> Message:
     """The tools may stand in a file of their own."""
     return {**doubt.said, "values": {**doubt.said["values"], "where": file}}
 

@@ -8,13 +8,13 @@ from pathlib import Path
 from controller.machine.equipment import M_CODE, M_CODES
 from controller.machine.forms import Own
 from controller.machine.reading import Reading
-from controller.messages import said
+from controller.messages import message
 
 _G_CODE = re.compile(r"G[1-9][0-9]{2}(\.[0-9])?")
 OWN_CODES = f"{M_CODES}, G100 to G999.9"
 CODE = re.compile(r"[GM][0-9]{1,3}(\.[0-9])?")  # one that another stands for
 _SUB = re.compile(r"[a-z_0-9][a-z_0-9-]*")
-_FOLDERS, _TABLE = said("file.may.folders"), said("file.may.table")
+_FOLDERS, _TABLE = message("file.may.folders"), message("file.may.table")
 
 
 def _sub_folders(here: Reading, name: str) -> tuple[str, ...]:
@@ -38,7 +38,7 @@ def _own_codes(here: Reading, name: str) -> tuple[tuple[str, str], ...]:
             codes.refuse(code, "no_own_code", allowed=OWN_CODES)
         meant = codes.text(code)
         if not (CODE.fullmatch(meant) or _SUB.fullmatch(meant)):
-            codes.refuse(code, "no_meaning", allowed=said("file.may.meaning"))
+            codes.refuse(code, "no_meaning", allowed=message("file.may.meaning"))
         found.append((code, meant))
     codes.finish()
     return tuple(found)

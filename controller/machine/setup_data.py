@@ -42,7 +42,7 @@ from controller.machine.model import (
 )
 from controller.machine.reading import read_alone
 from controller.machine.toml_table import ConfigError, Table
-from controller.messages import of_error, said
+from controller.messages import message, of_error
 
 FILE = "fitting.json"
 IN_SPINDLE = "in_spindle"
@@ -68,17 +68,17 @@ def read(file: Path, missing: dict[str, Any] | None = None) -> dict[str, Any]:
     except (OSError, ValueError) as error:
         if missing is not None and isinstance(error, FileNotFoundError):
             return missing
-        raise ConfigError(said("file.kept_unread", file=file, why=of_error(error))) from error
+        raise ConfigError(message("file.kept_unread", file=file, why=of_error(error))) from error
     return sound(values, file)
 
 
 def sound(values: Any, file: Path) -> dict[str, Any]:
     """What a file keeps, if it is of the kinds that are kept. Raises ConfigError."""
     if not isinstance(values, dict):
-        raise ConfigError(said("file.no_json", file=file))
+        raise ConfigError(message("file.no_json", file=file))
     for kind, rows in values.items():
         if kind not in KINDS or not isinstance(rows, dict | None):
-            raise ConfigError(said("file.no_kind", file=file, kind=kind, known=", ".join(KINDS)))
+            raise ConfigError(message("file.no_kind", file=file, kind=kind, known=", ".join(KINDS)))
     return values
 
 
@@ -190,12 +190,12 @@ def with_tool(machine: Machine, number: int, values: object, called: str = "") -
     kept = tuple(tool for tool in machine.tools if tool.number != number)
     if values is None:
         if number == TOOL_AT_POWER_ON:
-            raise ConfigError(said("file.tool_at_power_on"))
+            raise ConfigError(message("file.tool_at_power_on"))
         return replace(machine, tools=kept)
     if not isinstance(values, dict):
-        raise ConfigError(said("file.no_tool_table", number=number, allowed=_OF_TOOLS))
+        raise ConfigError(message("file.no_tool_table", number=number, allowed=_OF_TOOLS))
     named = {"number": number, "name": f"tool {number}", **values}
-    table = Table("tools", said("file.tool", number=number), named)
+    table = Table("tools", message("file.tool", number=number), named)
     before = next((tool for tool in machine.tools if tool.number == number), None)
     tool = read_alone(Tool, table, machine_file.RULES, called, before)
     return replace(machine, tools=tuple(sorted((*kept, tool), key=lambda one: one.number)))
@@ -206,7 +206,7 @@ def with_pocket(machine: Machine, key: str, value: object) -> Machine:
     if machine.changer is None:
         return machine
     pockets = list(machine.changer.pockets)
-    table = Table("pockets", said("file.pocket", number=key), {"tool": value})
+    table = Table("pockets", message("file.pocket", number=key), {"tool": value})
     known = {tool.number for tool in machine.tools} | {0}
     tool = table.integer("tool", 0, 99999)
     if tool not in known:
@@ -243,8 +243,8 @@ _LAID: Mapping[str, Callable[[Machine, str, object], Machine]] = MappingProxyTyp
 # ---- as it is shown ----------------------------------------------------------------------
 
 
-def told(machine: Machine, values: Values) -> dict[str, Any]:
-    """All that is fitted as an operator reads it; ``source``: where it was set, "file" or "machine"."""
+def to_json(machine: Machine, values: Values) -> dict[str, Any]:
+    """All set-up data as an operator reads them; ``source``: where it was set, "file" or "machine"."""
     offsets, tools = offsets_of(machine), tools_of(machine)
     for name, row in offsets.items():
         row["source"] = _source(values, "offsets", name)

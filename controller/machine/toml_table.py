@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from controller.geometry.vectors import Vector
-from controller.messages import Key, Said, chain, said, several, text
+from controller.messages import Key, Message, chain, message, several, text
 
 
 class ConfigError(Exception):
@@ -28,7 +28,7 @@ class ConfigError(Exception):
     allowed and what to do: ``said``, a text whose keys begin with ``file.``. As a str it is English.
     """
 
-    def __init__(self, said: Said, file: str = "", line: int = 0, place: Place = ()) -> None:
+    def __init__(self, said: Message, file: str = "", line: int = 0, place: Place = ()) -> None:
         """``line``: of the file, from 1; 0: none is known. ``place``: of the key in it."""
         super().__init__(said)
         self.said, self.file, self.line, self.place = said, file, line, place
@@ -62,7 +62,7 @@ class Table:
     """One TOML table that remembers which keys were read."""
 
     def __init__(
-        self, file: str, name: Said | str, values: dict[str, Any], text: str = "", place: Place = ()
+        self, file: str, name: Message | str, values: dict[str, Any], text: str = "", place: Place = ()
     ) -> None:
         """``name``: as it is shown. ``text``: of the whole file, and ``place``: of this table in it; without
         them no line is named.
@@ -81,8 +81,8 @@ class Table:
         place = (*self._place, key)
         line = line_of(self._text, place)
         where = f"{self.file}:{line}" if line else self.file
-        wrong = said(f"file.{what}", **values)
-        whole = said("file.refused", where=where, table=self.name, found=found, what=wrong)
+        wrong = message(f"file.{what}", **values)
+        whole = message("file.refused", where=where, table=self.name, found=found, what=wrong)
         return ConfigError(whole, self.file, line or 0, place)
 
     def has(self, key: str) -> bool:
@@ -93,7 +93,7 @@ class Table:
         """Whether the file has it; that does not count as asked for."""
         return key in self._values
 
-    def get(self, key: str, allowed: Said | str, default: object = None) -> Any:
+    def get(self, key: str, allowed: Message | str, default: object = None) -> Any:
         """The raw value, or ``default``; a missing key without default is refused."""
         self.known.add(key)
         if key in self._values:
@@ -102,18 +102,18 @@ class Table:
             return default
         raise self.missing(key, allowed)
 
-    def missing(self, key: str, allowed: Said | str) -> ConfigError:
+    def missing(self, key: str, allowed: Message | str) -> ConfigError:
         """The refusal of a file without this key."""
         near = difflib.get_close_matches(key, self._values.keys() - self.known, n=1, cutoff=0.7)
         self._meant.update(near)
-        do = said("file.add_or", key=key, near=near[0]) if near else said("file.add", key=key)
+        do = message("file.add_or", key=key, near=near[0]) if near else message("file.add", key=key)
         return self.refusal(key, "missing", allowed=allowed, do=do)
 
     def number(
         self, key: str, lower: float = -math.inf, upper: float = math.inf, default: float | None = None
     ) -> float:
         """A finite number with ``lower <= number <= upper``."""
-        allowed = said("file.may.number", span=span(lower, upper))
+        allowed = message("file.may.number", span=span(lower, upper))
         value = self._finite(key, allowed, default)
         if not lower <= value <= upper:
             self.refuse(key, "out_of_range", allowed=allowed)
@@ -121,37 +121,37 @@ class Table:
 
     def positive(self, key: str, default: float | None = None) -> float:
         """A finite number above zero."""
-        value = self._finite(key, said("file.may.positive"), default)
+        value = self._finite(key, message("file.may.positive"), default)
         if value <= 0.0:
             self.refuse(key, "not_positive")
         return value
 
-    def _finite(self, key: str, allowed: Said, default: float | None) -> float:
+    def _finite(self, key: str, allowed: Message, default: float | None) -> float:
         value = self.get(key, allowed, default)
         if not is_number(value):
             self.refuse(key, "no_number", allowed=allowed)
         return float(value)
 
     def integer(self, key: str, lower: int, upper: int, default: int | None = None) -> int:
-        allowed = said("file.may.integer", lower=lower, upper=upper)
+        allowed = message("file.may.integer", lower=lower, upper=upper)
         value = self.get(key, allowed, default)
         if type(value) is not int or not lower <= value <= upper:
             self.refuse(key, "no_integer", allowed=allowed)
         return value
 
     def text(self, key: str, choices: Sequence[str] = (), default: str | None = None) -> str:
-        allowed = chain("or", [f'"{c}"' for c in choices]) if choices else said("file.may.text")
+        allowed = chain("or", [f'"{c}"' for c in choices]) if choices else message("file.may.text")
         value = self.get(key, allowed, default)
         if not isinstance(value, str):
             self.refuse(key, "no_text", allowed=allowed)
         if choices and value not in choices:
             near = difflib.get_close_matches(value, choices, n=1)
-            do = said("file.write", near=near[0]) if near else said("file.choose")
+            do = message("file.write", near=near[0]) if near else message("file.choose")
             self.refuse(key, "no_choice", allowed=allowed, do=do)
         return value
 
     def flag(self, key: str, default: bool) -> bool:
-        value = self.get(key, said("file.may.flag"), default)
+        value = self.get(key, message("file.may.flag"), default)
         if not isinstance(value, bool):
             self.refuse(key, "no_flag")
         return value
@@ -161,7 +161,7 @@ class Table:
         return self.positive(key) * unit if self.has(key) else None
 
     def numbers(self, key: str, count: int, default: Sequence[float] | None = None) -> tuple[float, ...]:
-        allowed = said("file.may.numbers", count=count)
+        allowed = message("file.may.numbers", count=count)
         value = self.get(key, allowed, default)
         sound = isinstance(value, list | tuple) and len(value) == count and all(map(is_number, value))
         if not sound:
@@ -174,7 +174,7 @@ class Table:
 
     def names(self, key: str) -> tuple[str, ...]:
         """A list of texts, each once; none where the key is absent."""
-        value, allowed = self.get(key, said("file.may.name_list"), []), said("file.may.names")
+        value, allowed = self.get(key, message("file.may.name_list"), []), message("file.may.names")
         if not isinstance(value, list) or not all(isinstance(v, str) and v for v in value):
             self.refuse(key, "no_names", allowed=allowed)
         if len(set(value)) < len(value):
@@ -187,14 +187,14 @@ class Table:
         return list(self._values)
 
     def table(self, key: str, name: str, optional: bool = False) -> Table:
-        value = self.get(key, said("file.may.table"), {} if optional else None)
+        value = self.get(key, message("file.may.table"), {} if optional else None)
         if not isinstance(value, dict):
             self.refuse(key, "no_table", name=name)
         return self._of(name, value, key)
 
     def tables(self, key: str) -> list[Table]:
         """The entries of an array of tables, each called by its name or number."""
-        value = self.get(key, said("file.may.tables", key=key), [])
+        value = self.get(key, message("file.may.tables", key=key), [])
         if not isinstance(value, list) or not all(isinstance(v, dict) for v in value):
             self.refuse(key, "no_tables", key=key)
         called = [v.get("name", v.get("number", i + 1)) for i, v in enumerate(value)]
@@ -224,7 +224,7 @@ class Table:
 
     def unknown(self, key: str, known: Collection[str]) -> ConfigError:
         near = difflib.get_close_matches(key, sorted(known), n=1, cutoff=0.4)
-        do = said("file.mean", near=near[0]) if near else said("file.remove")
+        do = message("file.mean", near=near[0]) if near else message("file.remove")
         return self.refusal(key, "unknown_key", allowed=", ".join(sorted(known)), do=do)
 
 
@@ -232,9 +232,9 @@ def read_text(path: Path, encoding: str = "utf-8") -> str:
     try:
         return path.read_text(encoding=encoding)
     except UnicodeDecodeError as error:
-        raise ConfigError(said("file.not_utf8", file=path.name, byte=error.start)) from error
+        raise ConfigError(message("file.not_utf8", file=path.name, byte=error.start)) from error
     except OSError as error:
-        raise ConfigError(said("file.unread", file=path, why=error)) from error
+        raise ConfigError(message("file.unread", file=path, why=error)) from error
 
 
 def parse(text: str, file: str) -> Table:
@@ -281,11 +281,11 @@ def _no_toml(text: str, file: str, why: str) -> ConfigError:
     key = next((key for words, key in NO_TOML.items() if why.startswith(words)), "toml.other")
     if why.startswith("Cannot overwrite") and KEY.match(line):  # the reader has read its value, too
         column = len(line) - len(line.lstrip()) + 1
-    what = said(f"file.{key}", why=re.sub(r" \(at .*\)$", "", why))
+    what = message(f"file.{key}", why=re.sub(r" \(at .*\)$", "", why))
     shown = line.strip() if len(line.strip()) <= 60 else f"{line.strip()[:57]}..."
     where = f"{file}:{number}:{column}"
     return ConfigError(
-        said("file.no_toml", where=where, found=shown or Key("file.toml.end"), what=what), file, number
+        message("file.no_toml", where=where, found=shown or Key("file.toml.end"), what=what), file, number
     )
 
 
@@ -339,10 +339,10 @@ def is_number(value: Any) -> bool:
     return type(value) in (int, float) and -1e300 < value < 1e300  # also refuses nan
 
 
-def span(lower: float, upper: float) -> Said:
+def span(lower: float, upper: float) -> Message:
     if math.isinf(upper):
-        return said("file.span.any") if math.isinf(lower) else said("file.span.from", lower=lower)
-    return said("file.span", lower=lower, upper=upper)
+        return message("file.span.any") if math.isinf(lower) else message("file.span.from", lower=lower)
+    return message("file.span", lower=lower, upper=upper)
 
 
 def _shown(value: object) -> str:

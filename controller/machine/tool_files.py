@@ -19,7 +19,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 from xml.sax.saxutils import escape
 
-from controller.messages import Said, said, text
+from controller.messages import Message, message, text
 
 Row = Mapping[str, Any]
 FORMATS: Sequence[str] = (".tbl", ".json")
@@ -34,7 +34,7 @@ class TableRefused(Exception):
     """A text that is no tool table; ``said``: the sentence."""
 
     def __init__(self, key: str, **values: object) -> None:
-        self.said: Said = said(f"tool_file.{key}", **values)
+        self.said: Message = message(f"tool_file.{key}", **values)
         super().__init__(text(self.said))
 
 
@@ -120,11 +120,11 @@ def read_json(content: str, name: str) -> list[dict[str, Any]]:
         raise TableRefused("no_json", file=name) from error
     if not isinstance(rows, list):
         raise TableRefused("no_list", file=name)
-    return _unlike([_said(row, name, n) for n, row in enumerate(rows, 1)], name)
+    return _unlike([_parsed_tool(row, name, n) for n, row in enumerate(rows, 1)], name)
 
 
-def _said(row: Any, file: str, n: int) -> dict[str, Any]:
-    """The nth of the list."""
+def _parsed_tool(row: Any, file: str, n: int) -> dict[str, Any]:
+    """The nth tool of the list. Raises TableRefused."""
     known = {"number", "description", *ISO}
     place: dict[str, object] = {"file": file, "nth": n}
     if not isinstance(row, dict):

@@ -12,7 +12,7 @@ tool that it carries both places where it may be.
 The service alone writes it. What it holds is read once, and again behind every transaction: whoever asks
 where the tools are (the status, a refusal, every look at the tick) waits for no disk.
 
-A back-up has its rows (``kept``). One that is brought back (``file_of``) is what was last known, and no more:
+A back-up has its rows (``saved_rows``). One that is brought back (``file_of``) is what was last known only:
 since then tools were changed, so an operator must confirm first where they are.
 """
 
@@ -29,7 +29,7 @@ from typing import Any, NamedTuple
 
 from controller import atomic_file, own_database, own_files, sealed_rows
 from controller.machine.toml_table import ConfigError
-from controller.messages import Said, said
+from controller.messages import Message, message
 
 FILE = "tools.db"
 SPINDLE, AWAY = 0, -1
@@ -89,7 +89,7 @@ class ToolStore:
         except (OSError, ValueError, sqlite3.Error) as error:
             raise _no_store(file, error) from error
 
-    def _damaged(self, file: Path) -> Said | None:
+    def _damaged(self, file: Path) -> Message | None:
         """What an alarm says of rows that are not as they were written; a copy of them is put aside."""
         with self._whole():
             words = sealed_rows.broken(self._db)
@@ -101,7 +101,7 @@ class ToolStore:
             sealed_rows.index_anew(self._db)
             sealed_rows.accept(self._db)
         tables = sealed_rows.summary(rows, words)
-        return said("tool_store_damaged", file=file, tables=tables, aside=aside.name)
+        return message("tool_store_damaged", file=file, tables=tables, aside=aside.name)
 
     def close(self) -> None:
         self._db.close()
@@ -259,10 +259,10 @@ _KINDS: dict[str, tuple[type, ...]] = {
     "step": (int, int, int, str, int, int),
     "log": (float, str, int, int, int, str),
 }
-_MOST = 2**31
+_MAX_NUMBER = 2**31
 
 
-def kept(file: Path) -> dict[str, list[list[Any]]]:
+def saved_rows(file: Path) -> dict[str, list[list[Any]]]:
     """The rows of a store as one moment has them, also while the service writes it; {} where there is none.
 
     Raises ConfigError.
@@ -280,7 +280,7 @@ def kept(file: Path) -> dict[str, list[list[Any]]]:
 def file_of(rows: Mapping[str, Any]) -> bytes:
     """The file of a store with these rows, in which nobody has confirmed yet where the tools are.
 
-    Raises ValueError for what are no rows of ``kept``.
+    Raises ValueError for what are no rows of ``saved_rows``.
     """
     with contextlib.closing(sqlite3.connect(":memory:", isolation_level=None)) as db:
         db.executescript(_SCHEMA)
@@ -316,10 +316,10 @@ def _checked(name: str, rows: object) -> list[list[Any]]:
         if not isinstance(row, list) or len(row) != len(kinds):
             raise ValueError(f"{name} has a row that is none of {len(kinds)} values")
         for value, kind in zip(row, kinds, strict=True):
-            if type(value) is not kind or (isinstance(value, int) and not -1 <= value < _MOST):
+            if type(value) is not kind or (isinstance(value, int) and not -1 <= value < _MAX_NUMBER):
                 raise ValueError(f"{name} has a row with a value that cannot stand there")
     return rows
 
 
 def _no_store(file: Path, error: OSError | ValueError | sqlite3.Error) -> ConfigError:
-    return ConfigError(said("file.no_tool_store", file=file, why=error))
+    return ConfigError(message("file.no_tool_store", file=file, why=error))

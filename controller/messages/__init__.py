@@ -1,7 +1,7 @@
 """Every text that an operator reads, by language; and how a text travels.
 
-What is reported is a key with its values (``Said``): through the shared state, the service's socket and the
-store, in no language. Who shows it asks for the words in the reader's language (``text``, ``told``).
+What is reported is a key with its values (``Message``): through the shared state, the service's socket and
+the store, in no language. Who shows it puts it in words of a language (``text``, ``with_sentences``).
 
 A language is one file of this folder, ``<code>.json``: key -> text, a line each, sorted by key. Nothing
 else names the languages. What a file lacks is read in English, so that a translation may lag. All files are
@@ -13,7 +13,7 @@ part before the first dot says where the text belongs:
 - ``fault.``, ``cause.``, ``remedy.`` with a fault's name: what happened, where that usually comes from, what
   to do (what the machine does about it is in ``fault_table``);
 - ``class.``, ``recovery.``, ``faults.``: the table of faults: reactions, steps out, its frame;
-- any other: what a ``Said`` may name, with {placeholders} by name.
+- any other: what a ``Message`` may name, with {placeholders} by name.
 """
 
 from __future__ import annotations
@@ -26,30 +26,30 @@ from drives import texts
 from drives.texts import (
     FOLDER,
     Key,
-    Said,
+    Message,
     TextError,
     chain,
-    is_said,
+    is_message,
+    message,
     of_error,
     once,
     plain,
     reason,
-    said,
     several,
 )
 
 __all__ = [
     "FOLDER",
     "Key",
-    "Said",
+    "Message",
     "TextError",
     "chain",
-    "is_said",
+    "is_message",
+    "message",
     "of_error",
     "once",
     "plain",
     "reason",
-    "said",
     "several",
 ]
 
@@ -135,12 +135,12 @@ def text(said: Mapping[str, Any] | None, language: str = DEFAULT) -> str:
     return str((said or {}).get("sentence") or "")
 
 
-def kept(facts: Mapping[str, Any]) -> Said | None:
-    """What ``facts`` has made facts of; None where nothing is said."""
-    return Said(key=facts["key"], values=facts["values"] or {}) if facts.get("key") else None
+def from_facts(facts: Mapping[str, Any]) -> Message | None:
+    """The message that ``facts`` has made facts of; None where there is none."""
+    return Message(key=facts["key"], values=facts["values"] or {}) if facts.get("key") else None
 
 
-def facts(said: Said | None) -> dict[str, Any]:
+def facts(said: Message | None) -> dict[str, Any]:
     """Key and values as facts of something else; both are null where there is nothing to be said."""
     return dict(said) if said else {"key": None, "values": None}
 
@@ -148,17 +148,19 @@ def facts(said: Said | None) -> dict[str, Any]:
 _LEAVES = (str, int, float, type(None))  # of a tree: most of it
 
 
-def told(tree: Any, language: str = DEFAULT) -> Any:
+def with_sentences(tree: Any, language: str = DEFAULT) -> Any:
     """JSON values with the ``sentence`` of every text in them, beside its key and values."""
     if isinstance(tree, _LEAVES):
         return tree
     if isinstance(tree, Mapping):
-        own = {"sentence": text(tree, language) or None} if is_said(tree) else {}
+        own = {"sentence": text(tree, language) or None} if is_message(tree) else {}
         kept = {
-            name: one if isinstance(one, _LEAVES) or (own and name == "values") else told(one, language)
+            name: one
+            if isinstance(one, _LEAVES) or (own and name == "values")
+            else with_sentences(one, language)
             for name, one in tree.items()
         }
         return {**kept, **own}
     if isinstance(tree, list | tuple):
-        return [one if isinstance(one, _LEAVES) else told(one, language) for one in tree]
+        return [one if isinstance(one, _LEAVES) else with_sentences(one, language) for one in tree]
     return tree

@@ -125,6 +125,7 @@ class Piece(NamedTuple):
     end: bool = False  # the program ends with it: READY
     sets: bool = False  # spindle, coolant and clamps are told at its end, and waited for
     spindle_rev_min: float = 0.0  # signed
+    max_rev_min: float = math.inf  # with its tool, whatever the override
     coolant: int = 0  # 0 off, 1 mist, 2 flood, 3 both
     open_clamps: int = 0  # bit i: the clamp of the i-th axis is to be open
     # Outputs of programs, on and off, and analogue ones, from its beginning on (sets: its end).

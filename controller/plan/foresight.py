@@ -5,7 +5,7 @@ The planner sends some seconds of the path; from there on the same windows are p
 clock, so the path clock will be at the end of the path at just the time that is told, if nobody interferes.
 Whoever changes an override makes it void: it is begun anew behind what the planner has sent since.
 
-The path is read ahead of the planner for it, no further than ``MOST_AHEAD`` units.
+The path is read ahead of the planner for it, no further than ``MAX_AHEAD`` units.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from controller.plan.report.passing import OWN, place_of
 from controller.plan.report.planned import FULL, windows_along
 from controller.plan.restart.program_position import ENTRY_ID, lines_along, part_at
 from controller.plan.stretch import Chain, Pause, Stretch, Wait
-from controller.plan.timetable import MOST, Event, Passed, Timetable, event_of
+from controller.plan.timetable import MAX_EVENTS, Event, Passed, Timetable, event_of
 from controller.plan.track import Track, Unit
 from controller.plan.waits import OPTIONAL
 
 FIRST = 60  # windows that are planned of a path that nobody runs yet, or at another override than before
-MOST_AHEAD = 3000  # units beyond those of the planner: they are kept until it comes to them
+MAX_AHEAD = 3000  # units beyond those of the planner: they are kept until it comes to them
 SAME_S = 1e-6
 
 
@@ -138,7 +138,7 @@ class Foresight:
                 return False  # the planner will do it first
             self._begin(ahead, now_s, orders)
         self._own.forget(ahead.track.read_to - ahead.track.laid)
-        if self._over or self._walk is None or self._place.unit > ahead.next.unit + MOST_AHEAD:
+        if self._over or self._walk is None or self._place.unit > ahead.next.unit + MAX_AHEAD:
             return False
         try:
             for sent in self._walk:
@@ -209,7 +209,7 @@ class Foresight:
     def _note(self, sent: Sent) -> None:
         """The pause, if it is one, or the M1 with which it ends."""
         unit = self.at(sent.first) if sent.course is None else None
-        if len(self._events) >= MOST:
+        if len(self._events) >= MAX_EVENTS:
             return
         if unit is not None and isinstance(unit.what, Pause):
             event = event_of(unit.what, sent.start_s)

@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 from controller.ipc.handoff import StopTable
 from controller.memory import remembered
 from controller.plan.feed import profile
-from controller.plan.feed.course import Course
+from controller.plan.feed.course import FeedCourse
 from controller.plan.feed.profile import Profile, State
 from controller.plan.feed.ticked import is_row
 from controller.plan.stops import table
@@ -20,7 +20,7 @@ from controller.plan.stops import table
 T = TypeVar("T")
 
 NUMBERS = 1_000_000  # that are kept, of 8 bytes: stops of a minute or two, and laws of many more
-MOST = 40  # stretches of one that is kept: to compare many lines takes as long as many a plan
+MAX_STRETCHES = 40  # stretches of one that is kept: to compare many lines takes as long as many a plan
 
 
 class _Newest:
@@ -47,17 +47,17 @@ def _newest() -> _Newest:
     return _Newest()
 
 
-def law(course: Course, begin: State, until: float | None, guess: Profile | None) -> Profile | None:
+def law(course: FeedCourse, begin: State, until: float | None, guess: Profile | None) -> Profile | None:
     """As ``profile.plan``."""
-    if not _is_kept(course):
+    if not _is_cacheable(course):
         return profile.plan(course, begin, until, guess)
     on = ("law", course.made_of, begin, until, _bytes(guess))
     return _newest().of(on, lambda: profile.plan(course, begin, until, guess), _size)
 
 
-def stops(course: Course, found: Profile, first_s: float, last_s: float, step_s: float) -> StopTable:
+def stops(course: FeedCourse, found: Profile, first_s: float, last_s: float, step_s: float) -> StopTable:
     """As ``stops.table.stops``."""
-    if not _is_kept(course):
+    if not _is_cacheable(course):
         return table.stops(course, found, first_s, last_s, step_s)
     on = ("stops", course.made_of, _bytes(found), first_s, last_s, step_s)
     return _newest().of(
@@ -67,9 +67,9 @@ def stops(course: Course, found: Profile, first_s: float, last_s: float, step_s:
     )
 
 
-def _is_kept(course: Course) -> bool:
+def _is_cacheable(course: FeedCourse) -> bool:
     """Exact rows are remembered by their course, and not here."""
-    return len(course.stretches) <= MOST and not is_row(course)
+    return len(course.stretches) <= MAX_STRETCHES and not is_row(course)
 
 
 def _bytes(found: Profile | None) -> tuple[bytes, bytes] | None:

@@ -23,7 +23,7 @@ from controller.motion.motions import ToolLine
 from controller.motion.pieces import Sensing
 from controller.plan import known
 from controller.plan.feed import binding, pace
-from controller.plan.feed.course import FEW, REMEMBERED, Course
+from controller.plan.feed.course import MAX_SINGLE, REMEMBERED, FeedCourse
 from controller.plan.feed.profile import Profile, State
 from controller.plan.feed.ticked import is_row
 from controller.plan.path.path import Chain, Pause, Stretch
@@ -86,7 +86,7 @@ class Sent:
     after: Place  # where the path goes on after its rest
     orders: Orders
     pieces: tuple[Piece, ...]
-    course: Course | None = None  # None: a pause
+    course: FeedCourse | None = None  # None: a pause
     profile: Profile | None = None
     stops: StopTable | None = None
     stretches: dict[int, Stretch] = field(default_factory=dict)  # of its motions, by id
@@ -275,11 +275,11 @@ class Windows:
             chain is None
             or s > 0.0
             or not isinstance(stretch.motion, ToolLine)
-            or len(chain.stretches) <= FEW
+            or len(chain.stretches) <= MAX_SINGLE
         ):
             return self._takes(stretch, s, orders)
         if self._row is None or self._row[0] is not chain or self._row[1] != orders:
-            course = Course(chain.stretches, self._machine, self._kinematics, *orders.scales)
+            course = FeedCourse(chain.stretches, self._machine, self._kinematics, *orders.scales)
             self._row = chain, orders, pace.each_takes_s(course)
         return self._row[2][unit.index] if stretch.scale(*orders.shares) > 0.0 else (0.0, 0.0)
 
@@ -287,7 +287,7 @@ class Windows:
         """Seconds from ``from_s`` to the end, and the longest that braking takes on the way."""
         if stretch.scale(*orders.shares) <= 0.0:
             return 0.0, 0.0  # it is not to move at all
-        course = Course([stretch], self._machine, self._kinematics, *orders.scales)
+        course = FeedCourse([stretch], self._machine, self._kinematics, *orders.scales)
         return pace.row_takes_s(course, from_s) if is_row(course) else pace.takes_s(course, from_s)
 
     def _forbidden(self, reach: _Reach, orders: Orders) -> bool:
@@ -307,7 +307,7 @@ class Windows:
         units = reach.units
         stretches = [unit.what for unit in units if isinstance(unit.what, Stretch)]
         begins = [unit.begin for unit in units]
-        course = Course(stretches, self._machine, self._kinematics, *orders.scales, begins)
+        course = FeedCourse(stretches, self._machine, self._kinematics, *orders.scales, begins)
         found = known.law(course, begin, reach.until, guess)
         if found is None:
             return None
@@ -333,7 +333,7 @@ class Windows:
         """Rounded up to whole periods."""
         return math.ceil(seconds / self._period_s - 1e-6) * self._period_s
 
-    def _after(self, reach: _Reach, place: Place, course: Course) -> Place:
+    def _after(self, reach: _Reach, place: Place, course: FeedCourse) -> Place:
         last = len(reach.units) - 1
         if reach.until is None:
             return Place(place.unit + last + 1, 0.0)
@@ -369,7 +369,7 @@ class Windows:
         pieces[-1] = pieces[-1]._replace(block_end=reach.marked, optional_stop=reach.optional_stop, end=ends)
         return tuple(pieces)
 
-    def _binds(self, course: Course, laws: binding.Laws) -> list[binding.Marks]:
+    def _binds(self, course: FeedCourse, laws: binding.Laws) -> list[binding.Marks]:
         return binding.marks(course, laws)
 
     def _stops(self, made: Sent) -> StopTable | None:
@@ -414,6 +414,7 @@ class Windows:
             end=unit.last,
             sets=sets,
             spindle_rev_min=pause.modal.spindle_rev_min,
+            max_rev_min=self._machine.max_rev_min(pause.modal.tool),
             coolant=pause.modal.coolant,
             outputs=_plain(_switched(pause) if sets else UNSAID),
             open_clamps=pause.open_clamps,
@@ -457,18 +458,18 @@ def _stops_of(unit: Unit, orders: Orders) -> tuple[Sequence[float], bool]:
     return (unit.optional_stops, unit.optional_stop) if orders.optional_stop else ((), False)
 
 
-def _has_feed(course: Course) -> bool:
+def _has_feed(course: FeedCourse) -> bool:
     """Whether the override of feeds counts somewhere in it."""
     return any(one.feed_mm_s is not None and one.overrides.feed for one in course.stretches)
 
 
-def _is_led(course: Course, asked: bool) -> bool:
+def _is_led(course: FeedCourse, asked: bool) -> bool:
     """Whether adaptive feed counts somewhere in it: where the program has ``asked`` for it, or where not."""
     feeds = (one.overrides for one in course.stretches if one.feed_mm_s is not None)
     return any(has.feed and has.adaptive is asked for has in feeds)
 
 
-def _has_rapid(course: Course) -> bool:
+def _has_rapid(course: FeedCourse) -> bool:
     return any(stretch.feed_mm_s is None for stretch in course.stretches)
 
 

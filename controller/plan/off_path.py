@@ -14,7 +14,7 @@ from typing import NamedTuple
 from controller.ipc.handoff import Snapshot
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine, Tool
-from controller.messages import said
+from controller.messages import message
 from controller.plan import retract as aside
 from controller.plan.look_ahead import Place
 from controller.plan.path.path import Chain, Pause, Stretch
@@ -76,7 +76,7 @@ class Detour:
         else:
             made = None if self._left is None else (away, self._left)
         if made is None or made[0].returning:
-            raise NotPossible(said("aside.no_retract"))
+            raise NotPossible(message("aside.no_retract"))
         way = aside.retract(now.joints, by_mm, made[0].place, self._machine, self._kinematics)
         self.aside, self._left = made
         self.aside.retracted, self.aside.off = True, False
@@ -96,7 +96,7 @@ class Detour:
             away, left = made
             away.off = True
         if away is None or left is None or not away.off or away.returning:
-            raise NotPossible(said("aside.no_return"))
+            raise NotPossible(message("aside.no_return"))
         machine, kinematics, fitted = self._machine, self._kinematics, back.fitted
         stood = away.held
         if rest is not None:
@@ -134,7 +134,7 @@ class Detour:
             if found is not None:
                 return reentry.enter(unit.what, found, fitted, *how), (track, Place(number, found))
             number, s = number + 1, 0.0
-        raise NotPossible(said("aside.no_return"))
+        raise NotPossible(message("aside.no_return"))
 
     def _track(self, items: Iterable[Chain | Pause]) -> Track:
         way = named(items, self._next_id)

@@ -30,7 +30,7 @@ from controller.geometry.vectors import ROUNDING, Vector
 from controller.ipc.handoff import PieceMessage, Snapshot
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine
-from controller.messages import said
+from controller.messages import message
 from controller.plan.look_ahead import Orders, Place, Sent, Windows
 from controller.plan.off_path import SAME, Back, Detour
 from controller.plan.path.path import Chain, Pause, Stretch
@@ -289,23 +289,21 @@ class Planner:
         place = self._place(now)
         return None if place is None else (self._track, place)
 
-    def told(self, now: Snapshot) -> bool:
+    def is_path_accepted(self, now: Snapshot) -> bool:
         """Whether the tick has the way that was asked for last: RESUME then leads along it."""
         return now.accepted > self._asked
 
     def retract(self, now: Snapshot, by_mm: float) -> None:
-        """Out of HOLD at rest: the tool goes off along its axis, or further off, once ``told`` and resumed.
-
-        Raises NotPossible.
+        """Out of HOLD at rest: the tool goes off along its axis, or further off, once the tick has the path
+        (``is_path_accepted``) and RESUME came. Raises NotPossible.
         """
         if now.probing:
-            raise NotPossible(said("aside.probing"))
+            raise NotPossible(message("aside.probing"))
         self._lead(self._detour.retract(now, self._left(now), self.spot(now), by_mm), now)
 
     def go_back(self, now: Snapshot, back: Back = SAME) -> None:
-        """Back to a place off the part, once ``told`` and resumed, to HOLD; RESUME then goes in, and on.
-
-        Raises NotPossible.
+        """Back to a place off the part, and to HOLD, once the tick has the path (``is_path_accepted``)
+        and RESUME came; RESUME then goes in, and on. Raises NotPossible.
         """
         self._lead(self._detour.go_back(now, self._left(now), self.spot(now), back), now)
 
@@ -322,7 +320,7 @@ class Planner:
             return now.mode is not Mode.JOG and not now.away
         # Held at its end, or resumed already, before this has been seen.
         stands = now.mode in (Mode.HOLD, Mode.RUNNING) and now.at_rest and not now.stopping
-        arrived = stands and self._all_sent and self.told(now)
+        arrived = stands and self._all_sent and self.is_path_accepted(now)
         arrived = arrived and now.plan_time_s >= self._queue_end_s - ROUNDING
         left = self._detour.follow(now, arrived)
         if left is not None:

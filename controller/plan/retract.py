@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from controller.ipc.handoff import Snapshot
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine
-from controller.messages import Key, said
+from controller.messages import Key, message
 from controller.plan.restart import reentry
 from controller.plan.restart.program_position import Spot
 from controller.plan.restart.reentry import RETRACT_MM_S, NotPossible, along_axis
@@ -38,7 +38,7 @@ def is_held(now: Snapshot) -> bool:
 def see_held(now: Snapshot, what: str) -> None:
     """Raises NotPossible unless the machine is held and stands."""
     if not is_held(now):
-        raise NotPossible(said("aside.not_held", what=Key(f"aside.{what}"), mode=now.mode.name))
+        raise NotPossible(message("aside.not_held", what=Key(f"aside.{what}"), mode=now.mode.name))
 
 
 @dataclass(slots=True)
@@ -64,7 +64,7 @@ def retract(
     """The way off along the tool axis, to a stop. Raises NotPossible."""
     room = reentry.room_along_axis(now, machine, kinematics)
     if not 0.0 < by_mm <= room:
-        raise NotPossible(said("aside.room", by=by_mm, room=room))
+        raise NotPossible(message("aside.room", by=by_mm, room=room))
     off = straight("retract", place, now, along_axis(now, by_mm, kinematics), RETRACT_MM_S, kinematics)
     return ending([] if off is None else [off], place)
 

@@ -19,7 +19,7 @@ from controller.geometry.curves import Arc, Line
 from controller.geometry.vectors import ROUNDING, Number, Vector, norm, subtract
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints
-from controller.messages import DEFAULT, LANGUAGES, Key, Said, text
+from controller.messages import DEFAULT, LANGUAGES, Key, Message, text
 from controller.motion.motions import JointMove, Motion, Rotaries, ToolLine, ToolSpline
 from controller.program.program import (
     ENABLED,
@@ -171,14 +171,14 @@ class Note:
     """A decision or a warning that ``check`` shows."""
 
     place: Place
-    said: Said
+    said: Message
 
     @property
     def sentence(self) -> str:
         """In English."""
         return text(self.said)
 
-    def told(self, language: str) -> dict[str, object]:
+    def to_json(self, language: str) -> dict[str, object]:
         """For JSON that is read by people."""
         return {"line": self.place.line, "note": text(self.said, language), **self.said}
 
@@ -203,17 +203,17 @@ class Path:
     end: Joints
 
 
-Tell = Callable[[Place, Said], None]
+Tell = Callable[[Place, Message], None]
 
 
 @dataclass(frozen=True, slots=True)
-class Voice:
+class Diagnostics:
     """How the parts of the trace speak: refuse a block, or note something about it."""
 
     program: str
     tell: Tell
 
-    def refuse(self, place: Place, why: Said) -> NoReturn:
+    def refuse(self, place: Place, why: Message) -> NoReturn:
         raise place.refusal(self.program, why)
 
 

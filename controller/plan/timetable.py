@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 from controller.plan.stretch import Pause, Wait
 
-MOST = 20_000  # events of a program; what it waits for behind them is told as it comes near
+MAX_EVENTS = 20_000  # events of a program; what it waits for behind them is told as it comes near
 
 
 Passed = tuple[int, float, int, float]  # order of the block, fraction of it, which way beside it, s on that

@@ -5,7 +5,7 @@ from __future__ import annotations
 from types import MappingProxyType
 
 from controller.messages import Key, chain
-from controller.program.codes import Ask
+from controller.program.codes import ParsedLine
 from controller.program.line_words import targets
 from controller.program.offset_words import Here
 from controller.program.program import JointArc, Tip
@@ -40,7 +40,7 @@ def arc(here: Here, motion: str, word: Word) -> JointArc:
     )
 
 
-def _turns(ask: Ask) -> int:
+def _turns(ask: ParsedLine) -> int:
     word = ask.words.get("P")
     turns = 1 if word is None else ask.whole(word)
     if word is not None and turns == 0:

@@ -19,7 +19,7 @@ from dataclasses import replace
 from types import MappingProxyType
 
 from controller.machine.model import Joints, Machine
-from controller.messages import Said, chain, said
+from controller.messages import Message, chain, message
 from controller.program import (
     arc_words,
     codes,
@@ -61,7 +61,7 @@ from controller.program.codes import (
     SURFACES,
     TILTS,
     TO_PLANE,
-    Ask,
+    ParsedLine,
     letters_of,
 )
 from controller.program.decoding import Bytes
@@ -77,7 +77,7 @@ from controller.program.program import (
     Act,
     Action,
     Block,
-    Message,
+    OperatorMessage,
     Program,
     ProgramError,
     Remark,
@@ -186,7 +186,7 @@ def _blocks(
     order = 0
     for line in ahead.items:
         if ahead.told:
-            yield _said(ahead.told, given.state)
+            yield _notes_and_settings(ahead.told, given.state)
         if isinstance(line, CommonRun):
             if in_force is not None:
                 in_force.add_run(line, given.state)
@@ -211,7 +211,7 @@ def _blocks(
             ask = polar_words.cartesian(ask, state, given.position, machine)
             if state.polar is not None or "polar" in ask.codes:
                 ask, state = polar_words.programmed(ask, state, given.position, machine)
-            turn = _Turn(ask, state, machine, given.position, ahead)
+            turn = _BlockInterpreter(ask, state, machine, given.position, ahead)
             turn.run()
             if turn.corner is not None:
                 turn = _with_corners(turn, line, given, machine, ahead)
@@ -233,11 +233,13 @@ def _blocks(
         if turn.ended:
             break
     if ahead.told:
-        yield _said(ahead.told, given.state)
+        yield _notes_and_settings(ahead.told, given.state)
     note.add(order, given.state._replace(parameters=parameters.to_leave()))
 
 
-def _with_corners(turn: _Turn, line: Line, given: Given, machine: Machine, ahead: Upcoming) -> _Turn:
+def _with_corners(
+    turn: _BlockInterpreter, line: Line, given: Given, machine: Machine, ahead: Upcoming
+) -> _BlockInterpreter:
     """A line with a corner at its end and those that follow it, up to the first without, as one turn.
 
     Raises ProgramError.
@@ -252,7 +254,7 @@ def _with_corners(turn: _Turn, line: Line, given: Given, machine: Machine, ahead
             ask = points.counted(codes.sort(following, machine), turn.state, machine)
             ask = polar_words.cartesian(ask, turn.state, given.position, machine)
             before, given.state, line = turn.corner, turn.state, following
-            turn = _Turn(ask, turn.state, machine, given.position, ahead)
+            turn = _BlockInterpreter(ask, turn.state, machine, given.position, ahead)
             turn.run()
             moves.append(_move_to_corner(turn, line, given, before))
             first += [block for block in turn.made if isinstance(block, Remark)]
@@ -262,7 +264,9 @@ def _with_corners(turn: _Turn, line: Line, given: Given, machine: Machine, ahead
     return turn
 
 
-def _move_to_corner(turn: _Turn, line: Line, given: Given, before: Word | None = None) -> corner_words.Move:
+def _move_to_corner(
+    turn: _BlockInterpreter, line: Line, given: Given, before: Word | None = None
+) -> corner_words.Move:
     """The one motion of a line; ``before``: the corner that it follows, beside which it has nothing else."""
     block = corner_words.moved(turn.made)
     others = before is not None and any(not isinstance(one, Remark) for one in turn.made[:-1])
@@ -293,26 +297,26 @@ def _is_part(word: Word) -> bool:
     return word.letter in "XYZKRPL" or (word.letter == "G" and word.value in (5.2, 5.3))
 
 
-def _said(told: list[Line], state: State) -> list[Block]:
+def _notes_and_settings(told: list[Line], state: State) -> list[Block]:
     said: list[Block] = []
     for line in told:
         said += [Remark(line.place(1), state.modal, note) for note in line.notes]
         if line.changes:
             said.append(Setting(line.place(1), state.modal, line.changes))
         if line.message:
-            said.append(Message(line.place(1), state.modal, line.message))
+            said.append(OperatorMessage(line.place(1), state.modal, line.message))
         if line.kept:
             said.append(Setting(line.place(1), state.modal, kept.of_parameters(line.kept)))
     told.clear()
     return said
 
 
-class _Turn:
+class _BlockInterpreter:
     """One line being carried out; its state counts only when ``run`` returns."""
 
     def __init__(
         self,
-        ask: Ask,
+        ask: ParsedLine,
         state: State,
         machine: Machine,
         position: Position,
@@ -494,7 +498,7 @@ class _Turn:
 
     def _unowned(self, word: Word, takers: Sequence[tuple[str, str]]) -> ProgramError:
         if self._motion == "G6.2":
-            return nurbs_words.refusal(self.ask.line, word, said("surface.found", found=word.text))
+            return nurbs_words.refusal(self.ask.line, word, message("surface.found", found=word.text))
         if self._motion in CURVES:
             return spline_words.refusal(self.ask.line, word, self._motion)
         if self._motion in SURFACES:
@@ -509,12 +513,12 @@ class _Turn:
             return self.ask.refusal(word, "word.rotary_with_vectors")
         if word.letter in "IJK" and self._motion in ("G0", "G1"):
             return self.ask.refusal(word, "word.vector", motion=self._motion)
-        belongs, of_line = takers_of(word.letter, self._machine.dialect), list[Said]()
+        belongs, of_line = takers_of(word.letter, self._machine.dialect), list[Message]()
         for code, letters in takers:
             if letters:
-                of_line.append(said("word.takes", code=self._with_form(code), letters=" ".join(letters)))
+                of_line.append(message("word.takes", code=self._with_form(code), letters=" ".join(letters)))
             elif code == self._holder:
-                of_line.append(said("word.takes_none", code=code))
+                of_line.append(message("word.takes_none", code=code))
         if not of_line:
             return self.ask.refusal(word, "word.no_owner", takers=belongs)
         return self.ask.refusal(word, "word.no_owner_here", takers=belongs, here=chain("and", of_line))
@@ -560,7 +564,7 @@ class _Turn:
             self._note("note.g81_p", self.ask.words["P"])
         for key, word in self.ask.lenient:
             if key not in self.state.noted:
-                told = said(key, word=word.text)
+                told = message(key, word=word.text)
                 self.made.append(Remark(self.ask.place(word), self.state.modal, told))
                 self.state = self.state._replace(noted=self.state.noted | {key})
 
@@ -587,7 +591,7 @@ class _Turn:
             self.state = dynamic_offset.switched(self._here(code))
         if self._shifts:
             self.state = offset_words.local_shift(self._here("G52"))
-            self.made.append(surface_words.told_shift(self.ask, self.state))
+            self.made.append(surface_words.shift_remark(self.ask, self.state))
         if once in TO_PLANE:
             self.state, turned = tool_axis_words.turned(self._here(once))
             self.made += turned
@@ -607,7 +611,7 @@ class _Turn:
         word = self.ask.codes["one-line"][1]
         while (line := self._ahead.look()) is not None:
             if any(one.letter == "G" and one.value == 11.0 for one in line.words):
-                told = said("note.control_parameters", line=line.number)
+                told = message("note.control_parameters", line=line.number)
                 self.made.append(Remark(self.ask.place(word), self.state.modal, told))
                 return
             next(self._ahead)
@@ -658,7 +662,7 @@ class _Turn:
         if named == "G80" and (beneath := self._beneath()):
             self.state = self.state._replace(motion=beneath, cycle=None)
         elif named in _CLEARED:
-            why = said(_CLEARED[named], line=self.ask.line.number)
+            why = message(_CLEARED[named], line=self.ask.line.number)
             goes = self.state.curve_goes if named == "G5" else None
             self.state = self.state._replace(motion="", cleared=why, cycle=None, curve_goes=goes)
         elif named != self.state.motion or (self.state.cycle and named not in CYCLES):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from enum import Enum
 
-from controller.messages import Key, Said, said, text
+from controller.messages import Key, Message, message, text
 
 AXES = "@"  # in ``letters``: the axes of the machine
 
@@ -56,10 +56,10 @@ class Code:
         parts = {part: key_of(part, self.name, self.dialect) for part in ("meaning", "instead")}
         return {"code": self.name, **parts}
 
-    def noted_with(self) -> Said:
+    def noted_with(self) -> Message:
         """What ``check`` tells of a noted one."""
         meaning = key_of("meaning", self.name, self.dialect)
-        return said("note.needs_nothing", code=self.name, meaning=meaning, told=Key(self.note))
+        return message("note.needs_nothing", code=self.name, meaning=meaning, told=Key(self.note))
 
 
 def done(group: str, source: str, *rows: tuple[str, str, str], dialect: str = "") -> list[Code]:
@@ -82,7 +82,7 @@ def noted(source: str, *rows: tuple[str, str, str], dialect: str = "") -> list[C
     """
     made = []
     for name, letters, why in rows:
-        meaning, told = (text(said(key)) for key in (key_of("meaning", name, dialect), f"told.{why}"))
+        meaning, told = (text(message(key)) for key in (key_of("meaning", name, dialect), f"told.{why}"))
         own_line = name[0] == "G" and name not in BESIDE_MOTION
         row = Code(name, name, letters, source, meaning, told, Fate.NOTED, dialect, note=f"told.{why}")
         made.append(replace(row, alone=own_line))
@@ -93,7 +93,7 @@ def refused(source: str, names: str, dialect: str = "") -> list[Code]:
     """Rows of which the catalogue has the meaning, and what to write instead."""
     made = []
     for name in names.split():
-        meaning, instead = (text(said(key_of(part, name, dialect))) for part in ("meaning", "instead"))
+        meaning, instead = (text(message(key_of(part, name, dialect))) for part in ("meaning", "instead"))
         made.append(Code(name, "", "", source, meaning, instead, Fate.REFUSED, dialect))
     return made
 
@@ -103,7 +103,7 @@ def only(word: str, *rows: tuple[str, str, str, str]) -> list[Code]:
     made = []
     for name, letters, source, why in rows:
         (row,) = noted(source, (name, letters, why), dialect="fanuc")
-        made.append(replace(row, only=word, instead=text(said(key_of("instead", name, "fanuc")))))
+        made.append(replace(row, only=word, instead=text(message(key_of("instead", name, "fanuc")))))
     return made
 
 

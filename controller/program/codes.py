@@ -44,7 +44,7 @@ def letters_of(code: str, dialect: str, axes: str, form: str = "") -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class Ask:
+class ParsedLine:
     """What one line asks for; every refusal of it has its file and line."""
 
     line: Line
@@ -57,7 +57,7 @@ class Ask:
     takers: dict[str, str] = field(default_factory=dict)  # letter -> the one code that takes its word
     lenient: list[tuple[str, Word]] = field(default_factory=list)  # what is taken as such controls do: notes
 
-    def of(self, code: str) -> Ask:
+    def of(self, code: str) -> ParsedLine:
         """The line as one of its codes has it: without the words that others take."""
         others = [letter for letter, taker in self.takers.items() if taker != code]
         if not others:
@@ -93,7 +93,7 @@ class Ask:
         return word.value
 
 
-def sort(line: Line, machine: Machine) -> Ask:
+def sort(line: Line, machine: Machine) -> ParsedLine:
     """The line by groups and letters; ProgramError on unknown or doubled words."""
     codes: dict[str, tuple[str, Word]] = {}
     others: dict[str, Word] = {}
@@ -113,7 +113,7 @@ def sort(line: Line, machine: Machine) -> Ask:
         if word is not next_tool:
             _check_letter(line, word, others, machine)
             others[word.letter] = word
-    return Ask(line, codes, others, switches, next_tool, machine.dialect, lenient=lenient)
+    return ParsedLine(line, codes, others, switches, next_tool, machine.dialect, lenient=lenient)
 
 
 def _next_tool(words: list[Word]) -> Word | None:
@@ -176,7 +176,7 @@ def _unknown(line: Line, word: Word, dialect: str) -> ProgramError:
         if row.fate is Fate.REFUSED:
             return line.refusal(word, "code.not_done", **row.refused_with())
         return line.refusal(word, "code.other_dialect", dialect=other)
-    if (uses := foreign_codes.told(f"{word.letter}{word.value:g}")) is not None:
+    if (uses := foreign_codes.known_uses(f"{word.letter}{word.value:g}")) is not None:
         return line.refusal(word, "code.foreign", **uses)
     done = (code.name for code in BY_DIALECT[dialect].values() if code.fate is Fate.DONE)
     known = sorted((c for c in done if c[0] == word.letter), key=lambda c: float(c[1:]))

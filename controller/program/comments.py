@@ -12,7 +12,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator
 
-from controller.messages import DEFAULT, LANGUAGES, Said, said
+from controller.messages import DEFAULT, LANGUAGES, Message, message
 from controller.program.program import ProgramError
 
 _COMMENT = re.compile(r"[();]")
@@ -36,13 +36,13 @@ def without_comments(raw: str, name: str, number: int) -> str:
             return "".join([*parts, "\0" * (len(raw) - at)])
         close = raw.find(")", at)
         if mark.group() == ")" or close < 0 or raw.find("(", at + 1, close) >= 0:
-            raise ProgramError(name, number, at + 1, said("text.parenthesis"))
+            raise ProgramError(name, number, at + 1, message("text.parenthesis"))
         start = close + 1
         parts.append("\0" * (start - at))
     return "".join([*parts, raw[start:]]) if parts else raw
 
 
-def message(raw: str, values: Callable[[str], float], debug: bool = True) -> str:
+def message_text(raw: str, values: Callable[[str], float], debug: bool = True) -> str:
     """What the comments of a line say to the operator, or ""; ``values``: that of a ``#1`` or ``#<name>``.
 
     ``debug``: DEBUG says something, too.
@@ -58,14 +58,14 @@ def aborted(raw: str, values: Callable[[str], float]) -> tuple[int, str] | None:
     return None if found is None else (found.start() + 1, _short(_shown(found, values)))
 
 
-def ended(text: str) -> Said:
+def ended(text: str) -> Message:
     """Why a program ends itself by ABORT."""
     found = _OF_CYCLE.fullmatch(text)
     sentence = "" if found is None else LANGUAGES[DEFAULT].texts.get(found[1], "")
     values = {} if found is None else dict(_PAIR.findall(found[2]))
     if found is None or not sentence or not values.keys() >= set(_PLACE.findall(sentence)):
-        return said("text.abort", text=text)
-    return said(found[1], **values)
+        return message("text.abort", text=text)
+    return message(found[1], **values)
 
 
 def _saying(raw: str) -> Iterator[re.Match[str]]:

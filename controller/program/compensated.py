@@ -9,11 +9,11 @@ from dataclasses import dataclass, replace
 
 from controller.geometry.vectors import ROUNDING
 from controller.machine.model import Machine
-from controller.messages import Said, said, text
+from controller.messages import Message, message, text
 from controller.program.arc_words import PLANES
 from controller.program.contour import circles, ways
 from controller.program.contour.ways import Cut, Doubt, Way
-from controller.program.position import Known, Place3
+from controller.program.position import Coordinate, Place3
 from controller.program.program import (
     Block,
     JointArc,
@@ -30,13 +30,13 @@ MOTIONS = (JointLine, JointArc, TipLine)
 MAX_BETWEEN = 1000  # blocks between two moves in the plane
 SHORTEST_ARC_MM = 2e-6  # shorter ones could be taken for whole circles
 ROUND_MM = 1e-3  # by which the cutter may be larger than an arc that it fills (rounded words)
-UNKNOWN = said("beside.unknown")
+UNKNOWN = message("beside.unknown")
 
 
 class NotBesideError(Exception):
     """Why a contour has no way beside it, and where."""
 
-    def __init__(self, place: Place, why: Said) -> None:
+    def __init__(self, place: Place, why: Message) -> None:
         super().__init__(text(why))
         self.place, self.said = place, why
 
@@ -48,7 +48,7 @@ class Held:
     block: Block
     before: Place3 = (None, None, None)
     after: Place3 = (None, None, None)
-    joints: tuple[Known, ...] = ()
+    joints: tuple[Coordinate, ...] = ()
 
 
 @dataclass(slots=True)
@@ -302,7 +302,7 @@ class Cutter:
             radius = abs(self.planar.off_mm)
             if self._machine.gouge == "refuse":
                 raise self._wrong(step.held, "beside.gouge", radius=radius, there=neck.old.line)
-            told = said("beside.gouge_told", radius=radius, there=neck.old.line)
+            told = message("beside.gouge_told", radius=radius, there=neck.old.line)
             self._waiting.append(Remark(step.block.place, step.block.modal, told))
 
     # ---- targets ---------------------------------------------------------------------
@@ -316,7 +316,7 @@ class Cutter:
         return tuple(made)
 
     def _only(self, point: complex) -> Targets:
-        made: list[Known] = [None] * len(self._machine.axes)
+        made: list[Coordinate] = [None] * len(self._machine.axes)
         linear = self._machine.linear()
         for axis, value in zip(self._axes, (point.real, point.imag), strict=False):
             made[linear[axis]] = value
@@ -334,7 +334,9 @@ class Cutter:
 
     def _wrong(self, held: Held, key: str, **values: object) -> NotBesideError:
         planar = self.planar
-        return NotBesideError(held.block.place, said(key, code=planar.code, line=planar.place.line, **values))
+        return NotBesideError(
+            held.block.place, message(key, code=planar.code, line=planar.place.line, **values)
+        )
 
 
 def to_end(held: Held, axes: Sequence[int], machine: Machine) -> Block:
@@ -370,7 +372,7 @@ def _absolute(held: Held, machine: Machine) -> Targets:
     assert isinstance(block, JointLine | JointArc)
     if not block.relative:
         return block.targets
-    made: list[Known] = [
+    made: list[Coordinate] = [
         None if word is None else joint for word, joint in zip(block.targets, held.joints, strict=True)
     ]
     for axis, i in enumerate(machine.linear()):

@@ -14,7 +14,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 from controller.machine.model import Machine
-from controller.messages import said
+from controller.messages import message
 from controller.program.arc_words import PLANES
 from controller.program.compensated import MOTIONS, Cutter, Held, NotBesideError, to_end
 from controller.program.line import CommonRun
@@ -149,11 +149,11 @@ class _Path:
 
     def _check_begin(self, held: Held, planar: Planar) -> None:
         if planar.place == self._passed:
-            why = said("beside.late", code=planar.code, line=planar.place.line, most=MAX_HELD)
+            why = message("beside.late", code=planar.code, line=planar.place.line, most=MAX_HELD)
             raise NotBesideError(held.block.place, why)
         if self._owed not in ("", held.block.modal.plane):
             planes = {"plane": held.block.modal.plane, "owed": self._owed}
-            why = said("beside.owed", code=planar.code, line=planar.place.line, **planes)
+            why = message("beside.owed", code=planar.code, line=planar.place.line, **planes)
             raise NotBesideError(held.block.place, why)
 
     def _ended(self) -> Iterator[Block]:
@@ -189,5 +189,5 @@ class _Path:
             return block  # a whole circle has no words of the plane
         self._owed = ""
         if isinstance(block, JointArc):
-            raise NotBesideError(block.place, said("beside.arc_behind"))
+            raise NotBesideError(block.place, message("beside.arc_behind"))
         return to_end(held, axes, self._machine)

@@ -8,7 +8,7 @@ from types import MappingProxyType
 from controller.messages import Key
 from controller.program import output_words, polar_words
 from controller.program.offset_words import Here
-from controller.program.position import Known
+from controller.program.position import Coordinate
 from controller.program.program import (
     Act,
     Action,
@@ -58,7 +58,7 @@ class Way:
         dx, dy = (self.here.length_mm("XYZ"[i]) or 0.0 for i in (first, second))
         return x + dx, y + dy
 
-    def rapid(self, x: Known, y: Known, height: Known) -> None:
+    def rapid(self, x: Coordinate, y: Coordinate, height: Coordinate) -> None:
         if x is not None and y is not None:
             self._over = (x, y)
         self._go(x, y, height, None)
@@ -71,10 +71,10 @@ class Way:
     def cut(self, height: float) -> None:
         self._go(None, None, height, self.feed)
 
-    def _go(self, x: Known, y: Known, height: Known, feed: Known) -> None:
+    def _go(self, x: Coordinate, y: Coordinate, height: Coordinate, feed: Coordinate) -> None:
         """To a place; a rotary of the line's words turns with the rapid over the hole."""
         machine, modal = self.here.machine, self.modal
-        made: list[Known] = [None] * len(machine.axes)
+        made: list[Coordinate] = [None] * len(machine.axes)
         if x is not None:
             for i in machine.rotary():
                 made[i] = self.targets[i]
@@ -93,7 +93,7 @@ class Way:
         assert isinstance(line, JointLine)
         self.made.append(replace(line, thread=Thread(rev_per_mm, begin_rev)))
 
-    def wait(self, seconds: Known) -> None:
+    def wait(self, seconds: Coordinate) -> None:
         if seconds:
             self.made.append(Dwell(self.place, self.modal, seconds))
 

@@ -18,13 +18,13 @@ from dataclasses import replace
 from types import MappingProxyType
 
 from controller.geometry.vectors import ROUNDING, Vector, angle_between
-from controller.messages import Key, chain, said
+from controller.messages import Key, chain, message
 from controller.program import line_words, output_words, thread_words
-from controller.program.codes import CYCLES, Ask
+from controller.program.codes import CYCLES, ParsedLine
 from controller.program.cycle_way import PLANES, Way
 from controller.program.modal import Cycle, State, dwell_s
 from controller.program.offset_words import Here
-from controller.program.position import Known
+from controller.program.position import Coordinate
 from controller.program.program import Block, Remark, Tip
 from controller.program.words import Word
 
@@ -132,7 +132,7 @@ def blocks(here: Here, code: str, word: Word) -> tuple[list[Block], State]:
     state = here.state._replace(cycle=cycle, motion=code, beneath=beneath)
     rigid = code in TAPS and thread_words.is_rigid(here)
     if code in TAPS and not rigid:
-        state = _told_floating(way, state, code)
+        state = _note_floating(way, state, code)
     clearance, bottom = _heights(here, cycle)
     start = _start(way, now, clearance, cycle.level)
     way.end = clearance if here.state.to_clearance else max(cycle.level, clearance)
@@ -235,7 +235,7 @@ def _check_unit(here: Here, code: str, word: Word, before: Cycle) -> None:
         raise here.ask.refusal(word, "cycle.other_unit", code=code, lacks=chain("and", lacks))
 
 
-def _depth(here: Here, code: str, word: Word, before: Cycle | None) -> Known:
+def _depth(here: Here, code: str, word: Word, before: Cycle | None) -> Coordinate:
     given = here.ask.words.get("Q")
     depth = here.length_mm("Q") if given is not None else before.depth if before is not None else None
     if code in TAPS:
@@ -248,7 +248,7 @@ def _depth(here: Here, code: str, word: Word, before: Cycle | None) -> Known:
     return depth
 
 
-def _check_pecks(here: Here, given: Word | None, depth: Known) -> None:
+def _check_pecks(here: Here, given: Word | None, depth: Coordinate) -> None:
     """Q of a tap. Raises ProgramError."""
     if given is not None and not thread_words.is_rigid(here):
         raise here.ask.refusal(given, "cycle.pecks_of_a_tap")
@@ -256,7 +256,7 @@ def _check_pecks(here: Here, given: Word | None, depth: Known) -> None:
         raise here.ask.refusal(given, "cycle.no_peck")
 
 
-def _seconds(here: Here, code: str, word: Word, before: Cycle | None) -> Known:
+def _seconds(here: Here, code: str, word: Word, before: Cycle | None) -> Coordinate:
     given = here.ask.words.get("P")
     if given is not None:
         return dwell_s(here.ask, given, here.machine)
@@ -280,7 +280,7 @@ def _heights(here: Here, cycle: Cycle) -> tuple[float, float]:
     return clearance, bottom
 
 
-def _repeats(ask: Ask, way: Way) -> int:
+def _repeats(ask: ParsedLine, way: Way) -> int:
     word = ask.words.get("L") or ask.words.get("K")
     if word is None:
         return 1
@@ -291,10 +291,10 @@ def _repeats(ask: Ask, way: Way) -> int:
     return count
 
 
-def _told_floating(way: Way, state: State, code: str) -> State:
+def _note_floating(way: Way, state: State, code: str) -> State:
     if code in state.noted:
         return state
-    way.made.append(Remark(way.place, state.modal, said("note.floating", code=code)))
+    way.made.append(Remark(way.place, state.modal, message("note.floating", code=code)))
     return state._replace(noted=state.noted | {code})
 
 

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from mmap import mmap
 
-from controller.messages import Said, said
+from controller.messages import Message, message
 from controller.program.program import Place, ProgramError
 
 _AROUND = bytes([0x00, 0x11, 0x12, 0x13, 0x14, 0x7F])
@@ -57,16 +57,16 @@ class Text:
         return self.leader + str(self.body, self.encoding)
 
 
-def text_of(data: Bytes, name: str) -> tuple[Text, tuple[Place, Said] | None]:
+def text_of(data: Bytes, name: str) -> tuple[Text, tuple[Place, Message] | None]:
     """The text, and what to tell of it where it is not UTF-8; ProgramError for what is no text."""
     text, remark = _decoded(*_without_tape(data), name)
     if control := _CONTROL.search(text.body):
         place, byte = _place(text, control.start()), control.group()[0]
-        raise ProgramError(name, place.line, place.column, said("text.control_character", byte=byte))
+        raise ProgramError(name, place.line, place.column, message("text.control_character", byte=byte))
     return text, remark
 
 
-def _decoded(leader: str, body: memoryview, name: str) -> tuple[Text, tuple[Place, Said] | None]:
+def _decoded(leader: str, body: memoryview, name: str) -> tuple[Text, tuple[Place, Message] | None]:
     text = Text(leader, body, "utf-8")
     at = _first_undecoded(text)
     if at is None:
@@ -74,8 +74,8 @@ def _decoded(leader: str, body: memoryview, name: str) -> tuple[Text, tuple[Plac
     place, byte = _place(text, at), body[at]
     windows = Text(leader, body, "cp1252")
     if bytes(body[:2]) not in _UTF_16 and _first_undecoded(windows) is None:
-        return windows, (place, said("note.windows", byte=byte))
-    raise ProgramError(name, place.line, place.column, said("text.unreadable", byte=byte))
+        return windows, (place, message("note.windows", byte=byte))
+    raise ProgramError(name, place.line, place.column, message("text.unreadable", byte=byte))
 
 
 def _first_undecoded(text: Text) -> int | None:

@@ -16,11 +16,11 @@ from controller.geometry.vectors import Frame
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import FIXTURES, Kind, Machine, Pair
 from controller.program import line_words
-from controller.program.codes import SURFACES, Ask
+from controller.program.codes import SURFACES, ParsedLine
 from controller.program.modal import State
 from controller.program.offset_words import Here
 from controller.program.origins import Following, Origins, fixture_index
-from controller.program.position import Known, Position
+from controller.program.position import Coordinate, Position
 from controller.program.program import ProgramError, Tip
 from controller.program.words import Word
 
@@ -74,7 +74,7 @@ def standing(state: State, rotaries: Pair, machine: Machine, kinematics: Kinemat
     return _seen(state, rotaries, machine, lambda: kinematics)
 
 
-def _seen(state: State, rotaries: Sequence[Known], machine: Machine, chain: object) -> State:
+def _seen(state: State, rotaries: Sequence[Coordinate], machine: Machine, chain: object) -> State:
     """With the table as it stands; where that is not known, the state says so."""
     following = state.origins.following
     assert following is not None and callable(chain)
@@ -107,7 +107,7 @@ def _with(state: State, following: Following | None, machine: Machine) -> State:
     return state.with_origins(origins, machine)
 
 
-def _at_end(here: Here, motion: str) -> Sequence[Known]:
+def _at_end(here: Here, motion: str) -> Sequence[Coordinate]:
     """The rotaries where the line ends; not known where it is led to a reference point."""
     now = here.position.rotaries
     if here.ask.code("one-line") in ("G28", "G30"):
@@ -118,7 +118,7 @@ def _at_end(here: Here, motion: str) -> Sequence[Known]:
     targets = machine.pair(line_words.targets(here), None)
     relative = not here.state.absolute and here.ask.code("one-line") != "G53"
 
-    def end(q: Known, target: Known) -> Known:
+    def end(q: Coordinate, target: Coordinate) -> Coordinate:
         if target is None or not relative:
             return q if target is None else target
         return None if q is None else q + target
@@ -128,7 +128,7 @@ def _at_end(here: Here, motion: str) -> Sequence[Known]:
 
 def _beside(here: Here, motion: str, following: Following) -> ProgramError | None:
     """What has its own way of following the part, or lies on it, does not stand beside this."""
-    ask: Ask = here.ask
+    ask: ParsedLine = here.ask
     other = ""
     if here.state.modal.tip is not Tip.OFF:
         other = "G43.4" if here.state.modal.tip is Tip.ROTARIES else "G43.5"

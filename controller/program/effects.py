@@ -11,7 +11,7 @@ from controller.program.program import (
     Await,
     Block,
     Dwell,
-    Message,
+    OperatorMessage,
     Remark,
     Select,
     Setting,
@@ -40,4 +40,4 @@ def _moves(block: Block, prepares: bool) -> bool:
         case Select():
             return prepares
         case _:
-            return not isinstance(block, Dwell | Message | Remark | Setting)
+            return not isinstance(block, Dwell | OperatorMessage | Remark | Setting)

@@ -14,7 +14,7 @@ import re
 from collections.abc import Callable
 from typing import Any
 
-from controller.messages import Key, said
+from controller.messages import Key, message
 from controller.program.parameters import Name, NoValue, Parameters
 from controller.program.program import ProgramError
 
@@ -25,7 +25,7 @@ OF_FANUC = range(1, 100_000)  # system variables among them
 NOTHING = 0  # on controls as Fanuc's #0, which never has a value
 GAPS = " \t\0"  # \0 marks where a comment stood: it ends a number, a space does not
 SAME = 1e-4  # values that EQ takes for one, as LinuxCNC's interpreter
-MOST_BITS = 2.0**31  # of a value that is taken bit by bit
+MAX_BITS = 2.0**31  # of a value that is taken bit by bit
 
 _NUMBER = re.compile(r"[+-]?[ \t]*(?:[0-9][0-9 \t]*(?:\.[0-9 \t]*)?|\.[ \t]*[0-9][0-9 \t]*)")
 _NAME = re.compile(r"<([^<>\[\]#;\0]*)>")
@@ -48,7 +48,7 @@ def _bitwise(function: Callable[[int, int], int]) -> Callable[[float, float], fl
 
     def of(*values: float) -> float:
         for value in values:
-            if abs(value - round(value)) >= SAME or abs(value) > MOST_BITS:
+            if abs(value - round(value)) >= SAME or abs(value) > MAX_BITS:
                 raise _NoBits(value)
         return float(function(*map(round, values)))
 
@@ -118,7 +118,7 @@ class Values:
 
     def refusal(self, at: int, key: str, **values: object) -> ProgramError:
         """The error of this line at the 0-based place ``at``."""
-        return ProgramError(self._name, self._number, at + 1, said(key, **values))
+        return ProgramError(self._name, self._number, at + 1, message(key, **values))
 
     def peek(self) -> str:
         """The next character that is no gap, or nothing at the end of the line."""

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 from controller.machine.model import CALL_LEVELS, PROGRAM_PASSES
-from controller.messages import Key, said
+from controller.messages import Key, message
 from controller.program import macro_calls, macros, marks, own_codes
 from controller.program.decoding import NEWLINE
 from controller.program.expressions import GAPS, Values
@@ -127,7 +127,7 @@ class Run:
             except ProgramError as error:
                 raise error.within(frame.callers) from None
             if line is not None:
-                yield from self._said(line, frame)
+                yield from self._execute(line, frame)
             if self._due is not None:
                 yield self._due
                 self._due = None
@@ -150,8 +150,8 @@ class Run:
         frame.at, frame.number = end.end() if end else len(text) + 1, number + 1
         return self._scan(raw, frame.source.name, number, frame.callers)
 
-    def _said(self, line: Line, frame: _Frame) -> Iterator[Line]:
-        """A line with its place in the order; calls by M98 are carried out behind its other words."""
+    def _execute(self, line: Line, frame: _Frame) -> Iterator[Line]:
+        """Yield a line with its place in the order; calls by M98 are carried out after its other words."""
         self._begun |= line.is_plain or bool(line.words)
         self._count_step(frame, line.number)
         line.where = Where(frame.line or line.number, self._step, frame.serial, frame.callers)
@@ -570,7 +570,7 @@ class Run:
 
     def _unended(self, frame: _Frame) -> ProgramError:
         sub = frame.sub.written if frame.sub is not None else ""
-        why = said("flow.text_ends", sub=sub)
+        why = message("flow.text_ends", sub=sub)
         return ProgramError(frame.source.name, max(1, frame.number - 1), 1, why).within(frame.callers)
 
 

@@ -12,7 +12,7 @@ from functools import cache
 from itertools import islice
 from types import MappingProxyType
 
-from controller.messages import said
+from controller.messages import message
 from controller.program.decoding import Text
 from controller.program.program import Block, ProgramError
 
@@ -147,10 +147,12 @@ def program(lines: Iterable[str], name: str) -> ProgramError | None:
         told = _without_comments(raw) if other is None else ""
         if told and (found := _control(told)) is not None:
             first = perhaps if found[0] == _SIEMENS_NAME else None  # of its program the first line that tells
-            other = first or _told(name, number, raw, *found)
+            other = first or _program_error(name, number, raw, *found)
         elif told:
             for word in _pattern(_PERHAPS).finditer(told):
-                perhaps = perhaps or _told(name, number, raw, _SIEMENS_NAME, _column(told, word.start()))
+                perhaps = perhaps or _program_error(
+                    name, number, raw, _SIEMENS_NAME, _column(told, word.start())
+                )
                 words.add("".join(word.group().split()).upper())
             other = perhaps if len(words) > 1 else None
         if _pattern(_OKUMA).search(raw):
@@ -158,8 +160,8 @@ def program(lines: Iterable[str], name: str) -> ProgramError | None:
     return other
 
 
-def _told(name: str, number: int, raw: str, control: str, at: int) -> ProgramError:
-    why = said("foreign.program", line=_shown(raw), control=control)
+def _program_error(name: str, number: int, raw: str, control: str, at: int) -> ProgramError:
+    why = message("foreign.program", line=_shown(raw), control=control)
     return ProgramError(name, number, at + 1, why, control.split()[0])
 
 
@@ -168,7 +170,7 @@ def statement(raw: str, name: str, number: int) -> ProgramError | None:
     for pattern, key in _STATEMENTS.items():
         if found := _pattern(pattern).search(raw):
             word = found["it"].rstrip(" \t[0123456789#").upper()
-            return ProgramError(name, number, found.start("it") + 1, said(key, line=_shown(raw)), word)
+            return ProgramError(name, number, found.start("it") + 1, message(key, line=_shown(raw)), word)
     return None
 
 

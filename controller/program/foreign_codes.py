@@ -20,7 +20,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
-from controller.messages import Said, chain, said
+from controller.messages import Message, chain, message
 from controller.program.code_rows import key_of
 
 HAAS, FANUC, MAKINO, LINUXCNC, MARLIN = "Haas", "Fanuc", "Makino", "LinuxCNC", "Marlin"
@@ -118,15 +118,15 @@ USES: Mapping[str, tuple[Use, ...]] = MappingProxyType(
 )
 
 
-def told(code: str) -> dict[str, Any] | None:
+def known_uses(code: str) -> dict[str, Any] | None:
     """What builders have a code for, and what to write instead, as values of a sentence; None if none has."""
     if code not in USES:
         return None
-    uses, advice = list[Said | str](), list[Said | str]()
+    uses, advice = list[Message | str](), list[Message | str]()
     for use in USES[code]:
         purpose = key_of("foreign_use", use.purpose, "")
-        uses.append(said("foreign_use", builder=use.builder, purpose=purpose))
-        one = said(key_of("foreign_advice", use.advice, ""), code=code)
+        uses.append(message("foreign_use", builder=use.builder, purpose=purpose))
+        one = message(key_of("foreign_advice", use.advice, ""), code=code)
         if one not in advice:
             advice.append(one)
     return {"uses": chain("foreign_use.or", uses), "instead": chain("foreign_advice.or", advice)}

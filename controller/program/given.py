@@ -13,7 +13,7 @@ from types import MappingProxyType
 
 from controller.geometry.vectors import Vector
 from controller.machine.model import Machine, Sensor
-from controller.messages import Key, said
+from controller.messages import Key, message
 from controller.program.line import Line
 from controller.program.modal import State
 from controller.program.origins import NONE
@@ -113,7 +113,7 @@ class Given:
             try:
                 self.setter_z()
             except NoValue:
-                known = Key("probe.is_none") if probe is None else said("probe.is_tool", number=probe.tool)
+                known = Key("probe.is_none") if probe is None else message("probe.is_tool", number=probe.tool)
                 raise NoValue("value.no_probe", name="#<_touch_radius>", tool=tool, known=known) from None
         return self.diameter / 2.0
 

@@ -10,7 +10,7 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 from controller.machine.changes import Change
-from controller.messages import Said, said
+from controller.messages import Message, message
 from controller.program.program import Block, Callers, Place, ProgramError
 
 # A common line as programs from CAM systems have them in millions: an N, G0 to G3, words in the usual order,
@@ -139,7 +139,7 @@ class Line:
         self.where: Where | None = None  # None: lines are carried out as they stand
         self.message = ""  # to the operator, before the words
         self.file = ""  # that M98 calls by its name
-        self.notes: Sequence[Said] = ()  # what ``check`` is to tell of it
+        self.notes: Sequence[Message] = ()  # what ``check`` is to tell of it
         self.changes: tuple[Change, ...] = ()  # that its settings make for good
         self.kept: Mapping[int, float] = {}  # parameters that it sets for good
         self._words, self._match, self._scan = words, match, scan
@@ -208,7 +208,7 @@ class Line:
 
     def refusal(self, word: Word, key: str, about: str = "", **values: object) -> ProgramError:
         """Of a word; the text of ``key`` may name it as {word} and {letter} beside its own values."""
-        why = said(key, **{"word": word.text, "letter": word.letter, **values})
+        why = message(key, **{"word": word.text, "letter": word.letter, **values})
         about = about or (word.text if word.letter in "GM" else word.letter)
         error = ProgramError(self.name, self.number, word.column, why, about)
         return error.within(self.where.calls) if self.where is not None else error

@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 
 from controller.geometry.vectors import Vector
-from controller.messages import Key, said
+from controller.messages import Key, message
 from controller.program.offset_words import Here
 from controller.program.program import JointLine, Probing, ProgramError, Targets, Tip, TipLine
 from controller.program.words import Word
@@ -98,7 +98,7 @@ def _no_probing(here: Here, code: str, word: Word) -> ProgramError | None:
     key, values = "", dict[str, object]()
     if sensor is None:
         number = None if machine.probe is None else machine.probe.tool
-        known = Key("probe.is_none") if number is None else said("probe.is_tool", number=number)
+        known = Key("probe.is_none") if number is None else message("probe.is_tool", number=number)
         key, values = "probe.none", {"tool": modal.tool, "known": known}
     elif rotaries:
         key, word = "probe.turns", ask.words[rotaries[0]]

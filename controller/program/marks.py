@@ -15,7 +15,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 
-from controller.messages import Key, said
+from controller.messages import Key, message
 from controller.program.comments import without_comments
 from controller.program.decoding import NEWLINE, Text
 from controller.program.expressions import GAPS
@@ -88,7 +88,7 @@ class Mark:
 
     def refusal(self, name: str, key: str, **values: object) -> ProgramError:
         """Of this mark in the text ``name``; the text of ``key`` may name it as {mark} and its {label}."""
-        why = said(key, **{"mark": self.written, "label": self.label, **values})
+        why = message(key, **{"mark": self.written, "label": self.label, **values})
         return ProgramError(name, self.number, self.column or self.text.find("o") + 1 or 1, why)
 
     def label_used(self, name: str, other: Mark) -> ProgramError:
@@ -174,7 +174,7 @@ def _mark(text: str, at: int, stop: re.Match[str] | None, number: int, name: str
     head = _MARK.match(bare)
     if head is None:
         column = re.search("[o:]", bare)
-        raise ProgramError(name, number, column.start() + 1 if column else 1, said("flow.o_alone"))
+        raise ProgramError(name, number, column.start() + 1 if column else 1, message("flow.o_alone"))
     label = "".join((head["name"] or "").split()) or head["number"] or COMPUTED
     label = str(int("".join(label.split()))) if head["number"] else label
     word = _KEYWORD.match(bare, head.end())
@@ -285,7 +285,9 @@ class _Pairs:
         """The open structure that ``mark`` goes on with or ends."""
         if not self._closes(mark, keyword):
             inner = self.open[-1] if self.open else None
-            here = said("flow.open", other=inner.written, line=inner.number) if inner else Key("flow.nothing")
+            here = (
+                message("flow.open", other=inner.written, line=inner.number) if inner else Key("flow.nothing")
+            )
             raise mark.refusal(self._name, "flow.belongs_nowhere", keyword=keyword, here=here)
         opened = self.open[-1]
         if mark.deleted != opened.deleted:

@@ -8,10 +8,10 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 from controller.machine.model import TOOL_AT_POWER_ON, Machine, Tool
-from controller.messages import Key, Said, said
-from controller.program.codes import SURFACES, Ask
+from controller.messages import Key, Message, message
+from controller.program.codes import SURFACES, ParsedLine
 from controller.program.origins import Origins
-from controller.program.position import Known
+from controller.program.position import Coordinate
 from controller.program.program import (
     Modal,
     Side,
@@ -64,7 +64,7 @@ class Begun:
     rows: Mapping[int, Mapping[str, float]]  # words (mm, degrees) by Q
 
 
-NO_MOTION = said("cleared.none")
+NO_MOTION = message("cleared.none")
 
 
 class State(NamedTuple):
@@ -73,7 +73,7 @@ class State(NamedTuple):
     modal: Modal
     motion: str = ""  # G0 to G3, a cycle, or nothing
     beneath: str = ""  # of a cycle under fanuc: what was modal before, and is behind G80
-    cleared: Said = NO_MOTION
+    cleared: Message = NO_MOTION
     mm_per_unit: float = 1.0
     side: str = "G40"
     absolute: bool = True
@@ -89,7 +89,7 @@ class State(NamedTuple):
     cycle: Cycle | None = None  # the canned cycle that is modal
     origins: Origins = Origins()
     tools: Mapping[int, Tool] = MappingProxyType({})  # as G10 changed them, their wear beside their size
-    references: Mapping[str, tuple[Known, ...]] = MappingProxyType({})
+    references: Mapping[str, tuple[Coordinate, ...]] = MappingProxyType({})
     offset_number: Word | None = None  # D of a line without G41 (Fanuc), for the next one without D
     noted: frozenset[str] = frozenset()  # codes that a remark has told of
     curve_goes: tuple[float, float] | None = None  # mm: where the G5 before leads on to
@@ -102,7 +102,7 @@ class State(NamedTuple):
     radius_tool: int = 0  # D: the tool by whose radius G41 and G42 keep off; 0 = the one in the spindle
     parameters: tuple[tuple[str, float], ...] = ()  # that lines by hand have left, by number or name
 
-    def time(self, ask: Ask, code: str, word: Word) -> float | None:
+    def time(self, ask: ParsedLine, code: str, word: Word) -> float | None:
         """Seconds that a feed motion takes under G93, None under G94; ProgramError for G93 without F."""
         if not self.inverse:
             return None
@@ -110,13 +110,13 @@ class State(NamedTuple):
             raise ask.refusal(word, "feed.inverse_without", code=code)
         return 60.0 / ask.words["F"].value
 
-    def tool_as_told(self, number: int, machine: Machine) -> Tool | None:
+    def table_tool(self, number: int, machine: Machine) -> Tool | None:
         """A tool of the table, as G10 has changed it, its wear beside its size."""
-        return self.tools.get(number) or machine.tool_as_told(number)
+        return self.tools.get(number) or machine.table_tool(number)
 
     def tool(self, number: int, machine: Machine) -> Tool | None:
         """The same as it is cut with: worn."""
-        found = self.tool_as_told(number, machine)
+        found = self.table_tool(number, machine)
         return None if found is None else found.worn
 
     def named(self, number: int, machine: Machine) -> Tool | None:
@@ -141,7 +141,7 @@ class State(NamedTuple):
         """Of a thread at S, mm/s."""
         return pitch_mm * self.speed_rev_min / 60.0
 
-    def feed(self, ask: Ask, code: str, word: Word) -> float:
+    def feed(self, ask: ParsedLine, code: str, word: Word) -> float:
         """The modal F for a motion, mm/s; ProgramError where there is none."""
         if self.inverse and code in SURFACES:
             raise ask.refusal(word, "feed.per_minute_only", code=code)
@@ -174,7 +174,7 @@ def begun(machine: Machine, left: State | None = None) -> State:
     return state._replace(modal=state.with_tool(machine.in_spindle, machine))
 
 
-def dwell_s(ask: Ask, word: Word, machine: Machine) -> float:
+def dwell_s(ask: ParsedLine, word: Word, machine: Machine) -> float:
     """The seconds of a dwell: P in seconds; under fanuc without a point in milliseconds."""
     seconds = ask.not_negative(word)
     if machine.dialect == "fanuc" and not word.point:

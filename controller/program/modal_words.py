@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 from controller.machine.model import OFFSETS, Machine, Spindle
-from controller.messages import Key, said
+from controller.messages import Key, message
 from controller.program import output_words, planar_words, tool_change_words
-from controller.program.codes import SURFACES, Ask
+from controller.program.codes import SURFACES, ParsedLine
 from controller.program.modal import BLU_PER_MM, FEEDS, INCHES, TIPS, TURNS, State, dwell_s, tool_list
 from controller.program.program import (
     Act,
@@ -28,7 +28,7 @@ OLDER_OFFSETS = tuple(f"G{110 + i}" for i in range(20))  # Haas' names of G154 P
 
 
 def apply(
-    ask: Ask, motion: str, state: State, machine: Machine, side_letters: str = ""
+    ask: ParsedLine, motion: str, state: State, machine: Machine, side_letters: str = ""
 ) -> tuple[State, list[Block]]:
     """The state after all codes of the line but its motion and stop, and their actions in order.
 
@@ -44,7 +44,7 @@ def apply(
 class _Settings:
     """One line being carried out up to its motion; one method per step of RS-274/NGC 3.8."""
 
-    def __init__(self, ask: Ask, motion: str, state: State, machine: Machine) -> None:
+    def __init__(self, ask: ParsedLine, motion: str, state: State, machine: Machine) -> None:
         self.ask = ask
         self.state = state
         self.made: list[Block] = []
@@ -146,7 +146,7 @@ class _Settings:
         number = int(word.value)
         comes = self._machine.comes(number)
         if comes != number:
-            told = said("note.sister", tool=number, sister=comes)
+            told = message("note.sister", tool=number, sister=comes)
             self.made.append(Remark(self.ask.place(word), self.state.modal, told))
         if self._machine.changer is not None and self._machine.changer.prepare:
             self.made.append(Select(self.ask.place(word), self.state.modal, comes))
@@ -167,7 +167,7 @@ class _Settings:
             self._switch(number, on)
             self._act(word, Act.OUTPUT)
 
-    def _say(self, ask: Ask, code: str, word: Word) -> None:
+    def _say(self, ask: ParsedLine, code: str, word: Word) -> None:
         """An output, digital or analogue, is told."""
         if code in ("M67", "M68"):
             modal = self.state.modal
@@ -223,8 +223,7 @@ class _Settings:
         if word.value != 0.0:
             self._known_tool(word)
         tool = int(word.value)
-        if self.state.turning and not self._machine.may_turn(tool):
-            raise self.ask.refusal(word, "spindle.must_stand", code=TURNS[self.state.turning], tool=tool)
+        self._check_turning(self.state.turning, tool, word)
         self._set_modal(self.state.with_tool(tool, self._machine))
 
     def _spindle(self) -> None:
@@ -258,14 +257,23 @@ class _Settings:
             raise self.ask.refusal(word, "spindle.none")
         return self._machine.spindle
 
+    def _check_turning(self, turning: int, tool: int, word: Word) -> None:
+        """The spindle may turn as the state says with this tool in it. Raises ProgramError."""
+        if not turning:
+            return
+        if not self._machine.may_turn(tool):
+            raise self.ask.refusal(word, "spindle.must_stand", code=TURNS[turning], tool=tool)
+        speed, most = self.state.speed_rev_min, self._machine.max_rev_min(tool)
+        if speed > most:
+            raise self.ask.refusal(word, "spindle.too_fast_for_tool", speed=speed, tool=tool, most=most)
+
     def _turn_spindle(self, turning: int, word: Word) -> None:
         tool = self.state.modal.tool
         if turning:
             self._spindle_of(word)
         if turning < 0 and not self._machine.may_turn_back:
             raise self.ask.refusal(word, "spindle.one_way", code=TURNS[turning])
-        if turning and not self._machine.may_turn(tool):
-            raise self.ask.refusal(word, "spindle.must_stand", code=TURNS[turning], tool=tool)
+        self._check_turning(turning, tool, word)
         modal = replace(self.state.modal, spindle_rev_min=turning * self.state.speed_rev_min)
         self.state = self.state._replace(modal=modal, turning=turning)
         self._act(word, Act.SPINDLE)
@@ -300,7 +308,7 @@ class _Settings:
                 self.ask, code, self.side_letters, self.state.mm_per_unit, self.state.modal
             )
             self.state = self.state._replace(modal=modal)
-            planar = planar_words.said(self.ask, code, self.side_letters, self.state, self._machine)
+            planar = planar_words.active_offset(self.ask, code, self.side_letters, self.state, self._machine)
             word = self.ask.words.get("D") if planar is not None and "D" in self.side_letters else None
             number = int(word.value) if word is not None and code not in planar_words.WRITTEN else 0
             self.state = self.state._replace(
@@ -322,7 +330,7 @@ class _Settings:
             code = self.state.length_code  # H alone
         if code not in TIPS:
             return
-        modal, said = self.state.modal, self._said_mm(code)
+        modal, said = self.state.modal, self._tool_length_mm(code)
         length = {"G43.2": modal.length_mm + said, "G44": -said}.get(code, said)
         self._set_modal(replace(modal, length_mm=length, tip=TIPS[code]))
         self._set_aside(self._aside(code))
@@ -363,7 +371,7 @@ class _Settings:
         word = self.ask.of(code).words.get("Z" if code == "G43.1" else "H")
         return self.state.length_number if word is None and code != "G43.1" else word
 
-    def _said_mm(self, code: str) -> float:
+    def _tool_length_mm(self, code: str) -> float:
         """The length that H, or Z of G43.1, names; without one that of the tool in the spindle."""
         word = self._length_word(code)
         if word is None and code == "G43.1" and self.ask.of(code).words.keys() & {"X", "Y"}:
@@ -444,7 +452,7 @@ class _Settings:
 FEED_STOP = "feed_stop"  # the input of M53
 
 
-def overrides_after(ask: Ask, modal: Modal, machine: Machine) -> Modal:
+def overrides_after(ask: ParsedLine, modal: Modal, machine: Machine) -> Modal:
     """The modal state after the line's code of the group. Raises ProgramError."""
     code, word = ask.codes["overrides"]
     if code in ("M48", "M49"):
@@ -462,7 +470,7 @@ def overrides_after(ask: Ask, modal: Modal, machine: Machine) -> Modal:
     return modal
 
 
-def _is_on(ask: Ask, code: str) -> bool:
+def _is_on(ask: ParsedLine, code: str) -> bool:
     """P: 0 is off, 1 or nothing on."""
     p = ask.of(code).words.get("P")
     if p is not None and p.value not in (0.0, 1.0):
@@ -470,6 +478,6 @@ def _is_on(ask: Ask, code: str) -> bool:
     return p is None or p.value == 1.0
 
 
-def _check_input(ask: Ask, machine: Machine, on: bool) -> None:
+def _check_input(ask: ParsedLine, machine: Machine, on: bool) -> None:
     if on and (machine.io is None or machine.io.input(FEED_STOP) is None):
         raise ask.refusal(ask.codes["overrides"][1], "override.no_feed_stop", input=FEED_STOP)

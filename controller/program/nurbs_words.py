@@ -23,9 +23,9 @@ from dataclasses import dataclass, field
 from controller.geometry.splines import ORDERS, BadSpline, BSpline
 from controller.geometry.vectors import Vector
 from controller.machine.model import Machine
-from controller.messages import Key, Said, said
+from controller.messages import Key, Message, message
 from controller.program import surface_words
-from controller.program.codes import Ask
+from controller.program.codes import ParsedLine
 from controller.program.modal import State
 from controller.program.program import CutNurbs, ProgramError
 from controller.program.surface_words import feed_of, missing, point_of
@@ -36,19 +36,19 @@ SEEN_AT = 32  # rulings that are looked at to see which curve is above
 NUMBERED = {"P": Key("surface.upper"), "Q": Key("surface.lower")}
 
 
-def refusal(line: Line, word: Word, found: Said) -> ProgramError:
+def refusal(line: Line, word: Word, found: Message) -> ProgramError:
     """The refusal of anything that is not exactly one surface of G6.2."""
     return line.refusal(word, "surface.not_nurbs", found=found)
 
 
-def surface(ask: Ask, state: State, machine: Machine, lines: Iterator[Line]) -> CutNurbs:
+def surface(ask: ParsedLine, state: State, machine: Machine, lines: Iterator[Line]) -> CutNurbs:
     """The surface of a line with G6.2; takes its points and knots from ``lines`` (mm)."""
     word = ask.codes["motion"][1]
     for other in ask.line.words:
         if other is not word and other.letter not in "PQF":
-            raise refusal(ask.line, other, said("surface.found", found=other.text))
+            raise refusal(ask.line, other, message("surface.found", found=other.text))
     if lacking := missing(ask.words, "PQ"):
-        raise refusal(ask.line, word, said("surface.missing", letters=lacking))
+        raise refusal(ask.line, word, message("surface.missing", letters=lacking))
     orders = [_order(ask, ask.words[letter]) for letter in "PQ"]
     feed = feed_of(ask, "G6.2", word, state, machine)
     upper, lower = (
@@ -61,7 +61,7 @@ def surface(ask: Ask, state: State, machine: Machine, lines: Iterator[Line]) -> 
     return CutNurbs(ask.place(word), state.modal, upper, lower, feed)
 
 
-def _order(ask: Ask, word: Word) -> int:
+def _order(ask: ParsedLine, word: Word) -> int:
     order = ask.whole(word)
     if order not in ORDERS:
         curve = NUMBERED[word.letter]
@@ -73,7 +73,7 @@ def _order(ask: Ask, word: Word) -> int:
 class _Reader:
     """One curve being read, with the line and word of everything it is made of."""
 
-    ask: Ask
+    ask: ParsedLine
     name: Key  # upper, lower
     order: int
     state: State
@@ -101,14 +101,14 @@ class _Reader:
 
     def _point(self) -> bool:
         """Take a line of a control point; False where its K stands alone, the first knot of the rest."""
-        due = said("surface.control_point", number=len(self.points) + 1, curve=self.name)
+        due = message("surface.control_point", number=len(self.points) + 1, curve=self.name)
         line, given = self._line("KXYZR", due)
         if given.keys() == {"K"}:
             if not self.points:
-                raise refusal(line, given["K"], said("surface.alone_for", found=given["K"].text, due=due))
+                raise refusal(line, given["K"], message("surface.alone_for", found=given["K"].text, due=due))
             return False
         if lacking := missing(given, "XYZ"):
-            raise refusal(line, line.words[0], said("surface.missing_in", letters=lacking, due=due))
+            raise refusal(line, line.words[0], message("surface.missing_in", letters=lacking, due=due))
         if len(self.points) == MAX_POINTS:
             raise line.refusal(line.words[0], "surface.too_many", curve=self.name, most=MAX_POINTS)
         weight = given.get("R", given["K"])
@@ -117,23 +117,23 @@ class _Reader:
         return True
 
     def _knot_alone(self, count: int) -> None:
-        due = said("surface.knot", count=count, order=self.order, curve=self.name)
+        due = message("surface.knot", count=count, order=self.order, curve=self.name)
         line, given = self._line("K", due)
         if given.keys() != {"K"}:
-            raise refusal(line, line.words[0], said("surface.missing_in", letters="K", due=due))
+            raise refusal(line, line.words[0], message("surface.missing_in", letters="K", due=due))
 
-    def _line(self, letters: str, due: Said) -> tuple[Line, dict[str, Word]]:
+    def _line(self, letters: str, due: Message) -> tuple[Line, dict[str, Word]]:
         """The next line, with none but these letters and a K."""
         line = next(self.lines, None)
-        of = said("surface.of_nurbs", due=due, line=self.ask.line.number)
+        of = message("surface.of_nurbs", due=due, line=self.ask.line.number)
         if line is None:
-            raise refusal(self.ask.line, self.ask.codes["motion"][1], said("surface.ends_for", due=due))
+            raise refusal(self.ask.line, self.ask.codes["motion"][1], message("surface.ends_for", due=due))
         given: dict[str, Word] = {}
         for found in line.words:
             if found.letter not in letters or found.letter in given:
-                raise refusal(line, found, said("surface.found_for", found=found.text, due=of))
+                raise refusal(line, found, message("surface.found_for", found=found.text, due=of))
             given[found.letter] = found
         if "K" not in given:
-            raise refusal(line, line.words[0], said("surface.missing_in", letters="K", due=of))
+            raise refusal(line, line.words[0], message("surface.missing_in", letters="K", due=of))
         self.knots.append((given["K"].value, line, given["K"]))
         return line, given

@@ -17,10 +17,10 @@ from typing import Any, NamedTuple
 from controller.geometry.vectors import ZERO, Frame, Vector, X, Y, Z, add
 from controller.machine.model import FIXTURES, MAX_WEAR_MM, OFFSETS, Machine, Offset, Shift, Tool
 from controller.messages import Key
-from controller.program.codes import Ask
+from controller.program.codes import ParsedLine
 from controller.program.modal import State, tool_list
 from controller.program.origins import NONE, Origins, about, fixture_index, turned_about_z, within
-from controller.program.position import Known, Position
+from controller.program.position import Coordinate, Position
 from controller.program.words import Word
 
 NORMALS = MappingProxyType({"G17": Z, "G18": Y, "G19": X})
@@ -30,12 +30,12 @@ _FANUC_TOOL = MappingProxyType({10: "length_mm", 11: "wear_length_mm", 12: "radi
 class Here(NamedTuple):
     """What a line finds: its words, the state before it, where the axes stand."""
 
-    ask: Ask
+    ask: ParsedLine
     state: State
     position: Position
     machine: Machine
 
-    def known(self, word: Word, values: Sequence[Known], what: str) -> tuple[float, ...]:
+    def known(self, word: Word, values: Sequence[Coordinate], what: str) -> tuple[float, ...]:
         """``values``, refused where one of them is not known."""
         if any(value is None for value in values):
             raise self.ask.refusal(word, "position.unknown", what=what)
@@ -45,13 +45,13 @@ class Here(NamedTuple):
         word = self.ask.words.get(letter)
         return None if word is None else word.value * self.state.mm_per_unit
 
-    def rotary_rad(self) -> tuple[Known, Known]:
+    def rotary_rad(self) -> tuple[Coordinate, Coordinate]:
         """The words of the two rotaries (carried sense)."""
         given = ((self.ask.words.get(axis.name), axis) for axis in self.machine.axes)
         found = [None if word is None else word.value / axis.shown_per_unit for word, axis in given]
         return self.machine.pair(found, None)
 
-    def lengths_mm(self) -> tuple[Known, Known, Known]:
+    def lengths_mm(self) -> tuple[Coordinate, Coordinate, Coordinate]:
         return self.length_mm("X"), self.length_mm("Y"), self.length_mm("Z")
 
 
@@ -82,16 +82,18 @@ def _shifted_to(here: Here) -> Origins:
         state.origins, shift=NONE if state.origins.suspended else state.origins.shift, suspended=False
     )
     plain = state.with_origins(origins, here.machine)
-    now = _said(here, here.position.in_frame(plain.modal), xyz, word)
+    now = _positions(here, here.position.in_frame(plain.modal), xyz, word)
     shift = origins.shift
     x, y, z = (s + (n - w if w is not None else 0.0) for s, n, w in zip(shift.xyz, now, xyz, strict=True))
-    stand = _said(here, here.position.rotaries, rotary, word)
+    stand = _positions(here, here.position.rotaries, rotary, word)
     before = zip(shift.turned_rad, stand, rotary, plain.modal.turned_rad, strict=True)
     a, b = (s if w is None else s + n - t - w for s, n, w, t in before)
     return replace(origins, shift=Shift((x, y, z), (a, b)))
 
 
-def _said(here: Here, now: Sequence[Known], words: Sequence[Known], word: Word) -> tuple[float, ...]:
+def _positions(
+    here: Here, now: Sequence[Coordinate], words: Sequence[Coordinate], word: Word
+) -> tuple[float, ...]:
     """Positions; those of axes without a word are not needed."""
     needed = [0.0 if w is None else n for n, w in zip(now, words, strict=True)]
     return here.known(word, needed, here.ask.code("one-line"))
@@ -147,7 +149,7 @@ def _set_offset(here: Here, index: int, to_here: bool) -> State:
     if to_here:
         _check_untilted(here, "G10 L20")
     xyz, rotary = here.lengths_mm(), here.rotary_rad()
-    offset = _offset_here(here, index, xyz, rotary) if to_here else _offset_said(here, before, xyz, rotary)
+    offset = _offset_here(here, index, xyz, rotary) if to_here else _offset_after(here, before, xyz, rotary)
     if r is not None:
         offset = replace(offset, frame=turned_about_z(offset.frame, r.value))
     return here.state.with_origins(origins.with_offset(index, offset), here.machine)
@@ -173,25 +175,27 @@ def _check_untilted(here: Here, code: str) -> None:
         raise here.ask.refusal(here.ask.codes["one-line"][1], "offset.tilted", code=code)
 
 
-def _offset_said(here: Here, before: Offset, xyz: Sequence[Known], rotary: Sequence[Known]) -> Offset:
+def _offset_after(
+    here: Here, before: Offset, xyz: Sequence[Coordinate], rotary: Sequence[Coordinate]
+) -> Offset:
     distances = here.machine.dialect == "fanuc" and not here.state.absolute
 
-    def said(old: Sequence[float], words: Sequence[Known]) -> list[float]:
+    def shifted(old: Sequence[float], words: Sequence[Coordinate]) -> list[float]:
         base = old if distances else [0.0] * len(old)
         return [q if w is None else b + w for q, b, w in zip(old, base, words, strict=True)]
 
-    x, y, z = said(before.frame.origin, xyz)
-    a, b = said(before.turned_rad, rotary)
+    x, y, z = shifted(before.frame.origin, xyz)
+    a, b = shifted(before.turned_rad, rotary)
     return Offset(before.frame._replace(origin=(x, y, z)), (a, b))
 
 
-def _offset_here(here: Here, index: int, xyz: Sequence[Known], rotary: Sequence[Known]) -> Offset:
+def _offset_here(here: Here, index: int, xyz: Sequence[Coordinate], rotary: Sequence[Coordinate]) -> Offset:
     """Moved along its own axes by what the position under it reads too much."""
     word = here.ask.codes["one-line"][1]
     under = replace(here.state.origins, index=index, turn=None)
     plain = here.state.with_origins(under, here.machine)
-    now = _said(here, here.position.in_frame(plain.modal), xyz, word)
-    stand = _said(here, here.position.rotaries, rotary, word)
+    now = _positions(here, here.position.in_frame(plain.modal), xyz, word)
+    stand = _positions(here, here.position.rotaries, rotary, word)
     before = under.offset(index, here.machine)
     x, y, z = (0.0 if w is None else n - w for n, w in zip(now, xyz, strict=True))
     turned = zip(before.turned_rad, stand, rotary, plain.modal.turned_rad, strict=True)
@@ -202,7 +206,7 @@ def _offset_here(here: Here, index: int, xyz: Sequence[Known], rotary: Sequence[
 
 
 def _set_tool(here: Here, what: int, number: int) -> State:
-    tool, fanuc = here.state.tool_as_told(number, here.machine), here.machine.dialect == "fanuc"
+    tool, fanuc = here.state.table_tool(number, here.machine), here.machine.dialect == "fanuc"
     if tool is None:
         word = here.ask.words["P"]
         raise here.ask.refusal(word, "tool.unknown_here", tools=tool_list(here.machine))
@@ -278,7 +282,7 @@ def local_shift(here: Here) -> State:
     return here.state.with_origins(changed, here.machine)
 
 
-def _laid(before: Sequence[float], words: Sequence[Known], relative: bool) -> list[float]:
+def _laid(before: Sequence[float], words: Sequence[Coordinate], relative: bool) -> list[float]:
     return [q if w is None else w + (q if relative else 0.0) for q, w in zip(before, words, strict=True)]
 
 

@@ -6,26 +6,26 @@ from collections.abc import Sequence
 from types import MappingProxyType
 
 from controller.machine.model import Machine
-from controller.messages import Key, said
-from controller.program.codes import Ask
+from controller.messages import Key, message
+from controller.program.codes import ParsedLine
 from controller.program.program import Await, Block, Level, Modal, Remark
 from controller.program.words import Word
 
 MAX_WAIT_S = 604_800.0  # a week
 
 
-def number(ask: Ask, code: str, word: Word, machine: Machine) -> int:
+def number(ask: ParsedLine, code: str, word: Word, machine: Machine) -> int:
     """The output that P of M62 to M65 names. Raises ProgramError."""
     return _named(ask, code, word, "digital_out", machine.io.digital_out if machine.io else ())
 
 
-def awaited(ask: Ask, word: Word, modal: Modal, machine: Machine) -> list[Block]:
+def awaited(ask: ParsedLine, word: Word, modal: Modal, machine: Machine) -> list[Block]:
     """M66 P L Q. Raises ProgramError."""
     number = _named(ask, "M66", word, "digital_in", machine.io.digital_in if machine.io else ())
     kind, most = ask.words.get("L"), ask.words.get("Q")
     level = 0 if kind is None else ask.whole(kind)
     if level == 0:
-        return [Remark(ask.place(word), modal, said("note.reads_input"))]
+        return [Remark(ask.place(word), modal, message("note.reads_input"))]
     if level > len(Level):
         raise ask.refusal(kind or word, "output.no_level", level=level)
     if most is None or not 0.0 < most.value <= MAX_WAIT_S:
@@ -33,7 +33,7 @@ def awaited(ask: Ask, word: Word, modal: Modal, machine: Machine) -> list[Block]
     return [Await(ask.place(word), modal, number, Level(level), most.value)]
 
 
-def led(ask: Ask, code: str, word: Word, machine: Machine) -> tuple[int, float]:
+def led(ask: ParsedLine, code: str, word: Word, machine: Machine) -> tuple[int, float]:
     """M67 and M68 E Q: the number of an analogue output, and its value. Raises ProgramError."""
     outs = machine.io.analogue_out if machine.io else ()
     if not outs:
@@ -48,7 +48,7 @@ def led(ask: Ask, code: str, word: Word, machine: Machine) -> tuple[int, float]:
     return int(e.value), q.value
 
 
-def oriented(ask: Ask, word: Word, machine: Machine) -> tuple[int, int, float]:
+def oriented(ask: ParsedLine, word: Word, machine: Machine) -> tuple[int, int, float]:
     """M19 R Q P: the numbers of output and input, and the seconds that it may take. Raises ProgramError."""
     output, back, most_s = standing(ask, word, machine, "M19")
     r, q, p = (ask.words.get(letter) for letter in "RQP")
@@ -65,7 +65,7 @@ def oriented(ask: Ask, word: Word, machine: Machine) -> tuple[int, int, float]:
 _INSTEAD = MappingProxyType({"M19": "M5", "G76": Key("spindle.bore"), "G87": Key("spindle.from_below")})
 
 
-def standing(ask: Ask, word: Word, machine: Machine, code: str) -> tuple[int, int, float]:
+def standing(ask: ParsedLine, word: Word, machine: Machine, code: str) -> tuple[int, int, float]:
     """With what the spindle is brought to its angle: output, input, seconds at most. Raises ProgramError."""
     io = machine.io
     if io is None or io.orient is None:
@@ -73,7 +73,7 @@ def standing(ask: Ask, word: Word, machine: Machine, code: str) -> tuple[int, in
     return len(io.digital_out), len(io.digital_in), io.orient.within_s
 
 
-def _named(ask: Ask, code: str, word: Word, key: str, names: Sequence[str]) -> int:
+def _named(ask: ParsedLine, code: str, word: Word, key: str, names: Sequence[str]) -> int:
     if not names:
         raise ask.refusal(word, "output.none", code=code, table=key)
     known = ", ".join(f"P{i} {name}" for i, name in enumerate(names))

@@ -12,7 +12,7 @@ from types import MappingProxyType
 from typing import Protocol
 
 from controller.machine.changes import Change
-from controller.messages import Said
+from controller.messages import Message
 
 Name = int | str
 ARGUMENTS = range(1, 31)  # a sub's own
@@ -45,7 +45,7 @@ class System(Protocol):
     """Numbers by which controls as Fanuc's mean themselves."""
 
     asks: dict[int, float]  # ``ALARM`` or ``STOP`` of the line that is read
-    notes: list[Said]  # what ``check`` is to tell of it
+    notes: list[Message]  # what ``check`` is to tell of it
     changes: list[Change]  # what it changes for good
     is_modal_call: bool  # G66 is on
 
@@ -94,7 +94,7 @@ class Parameters:
         self._locals: list[dict[Name, float]] = [{}]  # of the program, and of each sub that runs in it
         for name, value in left:
             key = int(name) if name.isdigit() else name
-            if not (isinstance(key, int) and self._is_kept(key)):
+            if not (isinstance(key, int) and self._is_persistent(key)):
                 self._room(key)[key] = value
 
     @property
@@ -148,9 +148,9 @@ class Parameters:
         """The system variables, where a number is one of them and not kept for programs."""
         if self._system is None or not isinstance(key, int) or not self._system.has(key):
             return None
-        return None if self._is_kept(key) else self._system
+        return None if self._is_persistent(key) else self._system
 
-    def _is_kept(self, key: int) -> bool:
+    def _is_persistent(self, key: int) -> bool:
         return any(low <= key <= high for low, high in self._kept)
 
     def set(self, settings: Mapping[Name, float]) -> None:
@@ -160,7 +160,7 @@ class Parameters:
                 system.set(key, value)
                 continue
             self._room(key)[key] = value
-            if isinstance(key, int) and self._is_kept(key):
+            if isinstance(key, int) and self._is_persistent(key):
                 self._fresh[key] = value
 
     def forget_probed(self) -> None:
@@ -186,7 +186,7 @@ class Parameters:
         return tuple(
             (str(key), value)
             for key, value in values.items()
-            if not (isinstance(key, int) and self._is_kept(key)) and value != _BEGUN.get(key)
+            if not (isinstance(key, int) and self._is_persistent(key)) and value != _BEGUN.get(key)
         )
 
     def _probed(self, key: int) -> float | None:

@@ -11,7 +11,7 @@ from dataclasses import replace
 from types import MappingProxyType
 
 from controller.machine.model import MAX_WEAR_MM, Machine, Tool
-from controller.program.codes import Ask
+from controller.program.codes import ParsedLine
 from controller.program.modal import State
 from controller.program.program import Modal, Planar, ProgramError, Side, Tip
 from controller.program.words import Word
@@ -32,8 +32,8 @@ _STAYS = MappingProxyType(
 _NEVER = ("G28", "G30", "G53")
 
 
-def said(ask: Ask, code: str, letters: str, state: State, machine: Machine) -> Planar | None:
-    """What G40 to G42.1 leave on; ``letters``: those of D P Q R that no other code of the line takes."""
+def active_offset(ask: ParsedLine, code: str, letters: str, state: State, machine: Machine) -> Planar | None:
+    """The compensation after G40 to G42.1; ``letters``: those of D P Q R that no other code takes."""
     word, before = ask.codes["side"][1], state.modal.planar
     if code == "G40":
         return None
@@ -53,7 +53,7 @@ def said(ask: Ask, code: str, letters: str, state: State, machine: Machine) -> P
     return _beside(ask, code, number, state, machine)
 
 
-def _beside(ask: Ask, code: str, number: Word | None, state: State, machine: Machine) -> Planar | None:
+def _beside(ask: ParsedLine, code: str, number: Word | None, state: State, machine: Machine) -> Planar | None:
     """The compensation of a code with D, or without."""
     written = code in WRITTEN
     if number is None and written:
@@ -71,7 +71,7 @@ def _beside(ask: Ask, code: str, number: Word | None, state: State, machine: Mac
     return Planar(place, code, off, number is not None, machine.dialect == "fanuc")
 
 
-def radius_of(ask: Ask, number: Word | None, state: State, machine: Machine) -> float | None:
+def radius_of(ask: ParsedLine, number: Word | None, state: State, machine: Machine) -> float | None:
     """Of the tool that D names, or that is in the spindle (D0 too; of Fanuc's D0 nothing)."""
     if number is None:
         tool = state.modal.tool_in(machine)
@@ -86,7 +86,7 @@ def radius_of(ask: Ask, number: Word | None, state: State, machine: Machine) -> 
     return found.radius_mm
 
 
-def for_lines(ask: Ask, motion: str, word: Word, state: State) -> State:
+def for_lines(ask: ParsedLine, motion: str, word: Word, state: State) -> State:
     """The state in which a G1 to G3 is read; it decides a G41 that does not say. Raises ProgramError."""
     planar = state.modal.planar
     if state.side == "G40" or (planar is not None and planar.lines and state.modal.tip is Tip.OFF):
@@ -98,7 +98,7 @@ def for_lines(ask: Ask, motion: str, word: Word, state: State) -> State:
     return state._replace(modal=replace(state.modal, planar=planar._replace(lines=True)))
 
 
-def for_surfaces(ask: Ask, motion: str, word: Word, state: State) -> State:
+def for_surfaces(ask: ParsedLine, motion: str, word: Word, state: State) -> State:
     """Likewise for a surface."""
     planar = state.modal.planar
     if planar is not None and planar.lines:
@@ -106,7 +106,7 @@ def for_surfaces(ask: Ask, motion: str, word: Word, state: State) -> State:
     return state if planar is None else state._replace(modal=replace(state.modal, planar=None))
 
 
-def check(ask: Ask, before: Modal, after: Modal) -> None:
+def check(ask: ParsedLine, before: Modal, after: Modal) -> None:
     """Refuses what must not change between G41 and G40, nor on their lines."""
     planar = before.planar or after.planar
     if planar is None or not planar.lines or after.planar is None:
@@ -120,7 +120,7 @@ def check(ask: Ask, before: Modal, after: Modal) -> None:
             raise _changed(ask, group or next(iter(ask.codes), ""), planar)
 
 
-def _changed(ask: Ask, group: str, planar: Planar) -> ProgramError:
+def _changed(ask: ParsedLine, group: str, planar: Planar) -> ProgramError:
     word = ask.codes[group][1] if group else ask.line.words[0]
     return ask.refusal(word, "beside.changed", code=planar.code, line=planar.place.line)
 
@@ -128,7 +128,7 @@ def _changed(ask: Ask, group: str, planar: Planar) -> ProgramError:
 # ---- on surfaces
 
 
-def on_surfaces(ask: Ask, code: str, letters: str, mm_per_unit: float, modal: Modal) -> Modal:
+def on_surfaces(ask: ParsedLine, code: str, letters: str, mm_per_unit: float, modal: Modal) -> Modal:
     """The state after G40, G41 or G42, as far as it is for surfaces; ``letters``: those of P, Q, R that no
     other code of the line takes.
     """
@@ -142,14 +142,14 @@ def on_surfaces(ask: Ask, code: str, letters: str, mm_per_unit: float, modal: Mo
     )
 
 
-def _placement(ask: Ask, code: str, words: dict[str, Word]) -> int:
+def _placement(ask: ParsedLine, code: str, words: dict[str, Word]) -> int:
     placement = ask.whole(words["P"]) if "P" in words else 0
     if "P" in words and placement not in (1, 2, 3, 4):
         raise ask.refusal(words["P"], "side.placement", code=code)
     return placement
 
 
-def _allowance_mm(ask: Ask, code: str, words: dict[str, Word], mm_per_unit: float) -> float:
+def _allowance_mm(ask: ParsedLine, code: str, words: dict[str, Word], mm_per_unit: float) -> float:
     """Q: what stays on the surface, or, negative, a cutter's wear."""
     if (word := words.get("Q")) is None:
         return 0.0
@@ -159,7 +159,7 @@ def _allowance_mm(ask: Ask, code: str, words: dict[str, Word], mm_per_unit: floa
     return allowance
 
 
-def _tolerance_mm(ask: Ask, code: str, words: dict[str, Word], mm_per_unit: float) -> float | None:
+def _tolerance_mm(ask: ParsedLine, code: str, words: dict[str, Word], mm_per_unit: float) -> float | None:
     word = words.get("R")
     if word is None:
         return None

@@ -31,7 +31,7 @@ from controller.geometry.vectors import (
     subtract,
     unit,
 )
-from controller.program.codes import Ask
+from controller.program.codes import ParsedLine
 from controller.program.modal import Begun, State
 from controller.program.offset_words import Here
 from controller.program.origins import within
@@ -54,7 +54,7 @@ Triad = tuple[Vector, Vector, Vector]
 
 
 @dataclass(frozen=True, slots=True)
-class Said:
+class PlaneWords:
     """What all lines of a definition say, by Q, in mm, degrees and components of vectors."""
 
     rows: Mapping[int, Mapping[str, float]]
@@ -85,7 +85,7 @@ class Form:
     """One way to define a plane: the letters of its lines by Q, and what comes of them."""
 
     letters: Mapping[int, str]  # a definition of one line has the row 0
-    made: Callable[[Said], Frame]
+    made: Callable[[PlaneWords], Frame]
     optional: tuple[int, ...] = ()  # rows that may be left out
     points: str = "XYZ"  # letters in the active unit of length in row 0; X Y Z are in each
 
@@ -111,11 +111,11 @@ def defined(here: Here) -> tuple[State, list[Block]]:
 
     def tell(key: str, **values: object) -> None:
         told.append(
-            Remark(here.ask.place(word), here.state.modal, messages.said(key, code=code, p=p, **values))
+            Remark(here.ask.place(word), here.state.modal, messages.message(key, code=code, p=p, **values))
         )
 
     given = None if form.rows else here.ask.words.get("Q")
-    said = Said(
+    said = PlaneWords(
         rows,
         f"{given.value:g}" if given is not None else "",
         lambda key, **values: here.ask.refusal(word, key, code=code, p=p, **values),
@@ -125,7 +125,7 @@ def defined(here: Here) -> tuple[State, list[Block]]:
     return _taken(here, within(here.state.origins.inside(), frame) if code == "G68.4" else frame), told
 
 
-def check_whole(ask: Ask, state: State) -> None:
+def check_whole(ask: ParsedLine, state: State) -> None:
     """Nothing stands between the lines of one definition but what has no words of its own left, as M71;
     G69 gives it up.
 
@@ -136,7 +136,7 @@ def check_whole(ask: Ask, state: State) -> None:
         raise _not_whole(ask, begun)
 
 
-def _not_whole(ask: Ask, begun: Begun) -> ProgramError:
+def _not_whole(ask: ParsedLine, begun: Begun) -> ProgramError:
     given = " ".join(f"Q{q}" for q in sorted(begun.rows))
     return ask.refusal(
         ask.line.words[0], "plane.not_whole", code=begun.code, p=begun.p, line=begun.line, given=given
@@ -205,7 +205,7 @@ def _rows(here: Here, code: str, p: int, form: Form) -> Mapping[int, Mapping[str
     return {**before, q: row}
 
 
-def _check_letters(ask: Ask, code: str, p: int, form: Form, q: int) -> None:
+def _check_letters(ask: ParsedLine, code: str, p: int, form: Form, q: int) -> None:
     """Each line of each definition has its own words."""
     letters = form.letters[q] + "P" + ("Q" if form.rows else "")
     for letter in "XYZIJKRQ":
@@ -239,28 +239,28 @@ def _carried(order: list[int], angles: Vector) -> list[Turn]:
     return [(AXES[i], angle) for i, angle in zip(order, angles, strict=True)][::-1]
 
 
-def _euler(said: Said) -> Frame:
+def _euler(said: PlaneWords) -> Frame:
     """Fanuc P0: I about Z, J about the new X, K about the new Z."""
     return _turned(said.get("XYZ"), _carried([2, 0, 2], said.get("IJK")))
 
 
-def _roll_pitch_yaw(said: Said) -> Frame:
+def _roll_pitch_yaw(said: PlaneWords) -> Frame:
     """Fanuc P1: I, J, K about X, Y, Z of the work offset, in the order of Q."""
     angles = said.get("IJK")
     return _turned(said.get("XYZ"), [(AXES[i], angles[i]) for i in said.order_of(TURNS, "123")])
 
 
-def _in_order(allowed: tuple[str, ...], otherwise: str) -> Callable[[Said], Frame]:
+def _in_order(allowed: tuple[str, ...], otherwise: str) -> Callable[[PlaneWords], Frame]:
     """LinuxCNC P0 and P1: I, J, K are first, second and third turn about carried axes; then R."""
 
-    def made(said: Said) -> Frame:
+    def made(said: PlaneWords) -> Frame:
         turns = _carried(said.order_of(allowed, otherwise), said.get("IJK"))
         return _turned(said.get("XYZ"), [*turns, (Z, said.turn)])
 
     return made
 
 
-def _points(said: Said) -> Triad:
+def _points(said: PlaneWords) -> Triad:
     """X from the first point to the second, Y to the side of the third."""
     first, second, third = (said.get("XYZ", q) for q in (1, 2, 3))
     along, other = subtract(second, first), subtract(third, first)
@@ -272,19 +272,19 @@ def _points(said: Said) -> Triad:
     return x, cross(z, x), z
 
 
-def _by_points(said: Said) -> Frame:
+def _by_points(said: PlaneWords) -> Frame:
     """Fanuc P2: the origin is the first point, Q0 moves it along the plane's own axes and turns by R."""
     frame = Frame(said.get("XYZ", 1), *_points(said))
     return within(frame, _turned(said.get("XYZ"), [(Z, said.turn)]))
 
 
-def _by_points_apart(said: Said) -> Frame:
+def _by_points_apart(said: PlaneWords) -> Frame:
     """LinuxCNC P2: the points are directions alone, the origin is that of Q0; R turns about Z outside."""
     x, y, z = (_spun([(Z, said.turn)], v) for v in _points(said))
     return Frame(said.get("XYZ"), x, y, z)
 
 
-def _squared(said: Said, along: Vector, normal: Vector, most_deg: float) -> Triad:
+def _squared(said: PlaneWords, along: Vector, normal: Vector, most_deg: float) -> Triad:
     """X and Z of two vectors; where they miss the right angle Z stays and X gives way."""
     for v, name in ((along, "X"), (normal, "Z")):
         if norm(v) < SHORTEST:
@@ -299,12 +299,12 @@ def _squared(said: Said, along: Vector, normal: Vector, most_deg: float) -> Tria
     return x, cross(z, x), z
 
 
-def _by_vectors(said: Said) -> Frame:
+def _by_vectors(said: PlaneWords) -> Frame:
     """Fanuc P3: Q1 the origin and X, Q2 Z."""
     return Frame(said.get("XYZ", 1), *_squared(said, said.get("IJK", 1), said.get("IJK", 2), SQUARE_DEG))
 
 
-def _by_vectors_apart(said: Said) -> Frame:
+def _by_vectors_apart(said: PlaneWords) -> Frame:
     """LinuxCNC P3: Q0 the origin and a point I J K on X, Q1 Z; R turns about Z outside."""
     origin, most = said.get("XYZ"), math.degrees(math.asin(SQUARE_COSINE))
     axes = _squared(said, subtract(said.get("IJK"), origin), said.get("IJK", 1), most)
@@ -312,7 +312,7 @@ def _by_vectors_apart(said: Said) -> Frame:
     return Frame(origin, x, y, z)
 
 
-def _projected(said: Said) -> Frame:
+def _projected(said: PlaneWords) -> Frame:
     """Fanuc P4: X turned by I about Y and Y turned by J about X lie in the plane; K turns in it."""
     i, j, k = said.get("IJK")
     x, other = _spun([(Y, i)], X), _spun([(X, j)], Y)

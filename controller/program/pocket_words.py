@@ -18,7 +18,7 @@ from controller.geometry.vectors import ROUNDING
 from controller.program import planar_words
 from controller.program.arc_words import PLANES
 from controller.program.offset_words import Here
-from controller.program.position import Known
+from controller.program.position import Coordinate
 from controller.program.program import Block, JointArc, JointLine, Targets, Tip
 from controller.program.words import Word
 
@@ -89,8 +89,8 @@ class _Way:
         self._clockwise = code == "G12"
         self._place, self._modal = here.ask.place(word), here.state.modal
 
-    def _targets(self, x: Known, y: Known, z: Known) -> Targets:
-        found: list[Known] = [None] * len(self._here.machine.axes)
+    def _targets(self, x: Coordinate, y: Coordinate, z: Coordinate) -> Targets:
+        found: list[Coordinate] = [None] * len(self._here.machine.axes)
         for i, value in zip(self._here.machine.linear(), (x, y, z), strict=True):
             found[i] = value
         return tuple(found)
@@ -103,7 +103,7 @@ class _Way:
         relative = not self._here.state.absolute
         return [JointLine(self._place, self._modal, self._targets(x, y, None), relative, False, None, None)]
 
-    def down(self, z: Known) -> list[Block]:
+    def down(self, z: Coordinate) -> list[Block]:
         if z is None:
             return []
         relative, targets = not self._here.state.absolute, self._targets(None, None, z)

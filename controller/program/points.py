@@ -11,7 +11,7 @@ from dataclasses import replace
 
 from controller.machine.model import Machine
 from controller.program.code_table import BY_DIALECT
-from controller.program.codes import CYCLES, SIDES, SURFACES, TILTS, TO_PLANE, Ask
+from controller.program.codes import CYCLES, SIDES, SURFACES, TILTS, TO_PLANE, ParsedLine
 from controller.program.line import ANGLES, LENGTHS, pointed
 from controller.program.modal import INCHES, State
 from controller.program.words import Word
@@ -24,7 +24,7 @@ def count(machine: Machine) -> bool:
     return machine.dialect == "fanuc" and machine.without_point != "unit"
 
 
-def counted(ask: Ask, state: State, machine: Machine) -> Ask:
+def counted(ask: ParsedLine, state: State, machine: Machine) -> ParsedLine:
     """The line with words without a point as the machine file has them. Raises ProgramError."""
     if not count(machine) or _has_its_own(ask):
         return ask
@@ -35,7 +35,7 @@ def counted(ask: Ask, state: State, machine: Machine) -> Ask:
     return replace(ask, words=words)
 
 
-def _letters(ask: Ask, state: State) -> tuple[str, str]:
+def _letters(ask: ParsedLine, state: State) -> tuple[str, str]:
     """The words of the line that are lengths, and those that are angles."""
     if ask.code("rotation") in TILTS or ask.code("one-line") in TO_PLANE:
         return "XYZ", "IJKR"
@@ -43,25 +43,25 @@ def _letters(ask: Ask, state: State) -> tuple[str, str]:
     return lengths.replace("Q", "") if "tool change" in ask.codes else lengths, ANGLES
 
 
-def _has_its_own(ask: Ask) -> bool:
+def _has_its_own(ask: ParsedLine) -> bool:
     """Surfaces count in BLU, dwells in milliseconds."""
     motion = ask.code("motion")
     own = motion in SURFACES and not (motion == "G52" and "F" not in ask.words)
     return own or ask.code("one-line") == "G4"
 
 
-def _letters_of_noted(ask: Ask) -> str:
+def _letters_of_noted(ask: ParsedLine) -> str:
     """The words of codes that need no action count nothing."""
     return "".join(
         BY_DIALECT["fanuc"][code].letters for group, (code, _) in ask.codes.items() if group == code
     )
 
 
-def _in_cycle(ask: Ask, state: State) -> bool:
+def _in_cycle(ask: ParsedLine, state: State) -> bool:
     return (ask.code("motion") or state.motion) in CYCLES and ask.code("side") not in SIDES[1:]
 
 
-def _word(ask: Ask, word: Word, lengths: str, angles: str, inches: bool, machine: Machine) -> Word:
+def _word(ask: ParsedLine, word: Word, lengths: str, angles: str, inches: bool, machine: Machine) -> Word:
     if word.letter not in lengths + angles:
         return word
     return pointed(word, machine.without_point, inches and word.letter in lengths, ask.refusal)

@@ -16,16 +16,16 @@ from dataclasses import replace
 from controller.machine.model import Machine
 from controller.messages import Key
 from controller.program.arc_words import PLANES
-from controller.program.codes import SURFACES, Ask
+from controller.program.codes import SURFACES, ParsedLine
 from controller.program.modal import INCHES, State
 from controller.program.offset_words import Here
-from controller.program.position import Known, Position
+from controller.program.position import Coordinate, Position
 from controller.program.words import Word
 
 MIN_MM = 1e-9  # from the origin: nearer there is no direction
 
 
-def cartesian(ask: Ask, state: State, position: Position, machine: Machine) -> Ask:
+def cartesian(ask: ParsedLine, state: State, position: Position, machine: Machine) -> ParsedLine:
     """The line with X and Y in place of @ and ^. Raises ProgramError."""
     if "@" not in ask.words and "^" not in ask.words:
         return ask
@@ -54,7 +54,9 @@ def cartesian(ask: Ask, state: State, position: Position, machine: Machine) -> A
 _NOT_POLAR = ("G4", "G10", "G28", "G30", "G53", "G92", "G92.1", "G92.2", "G92.3")
 
 
-def programmed(ask: Ask, state: State, position: Position, machine: Machine) -> tuple[Ask, State]:
+def programmed(
+    ask: ParsedLine, state: State, position: Position, machine: Machine
+) -> tuple[ParsedLine, State]:
     """The line with positions in place of radius and angle, and the state with both. Raises ProgramError."""
     code = ask.code("polar")
     if code == "G15":
@@ -90,19 +92,21 @@ def programmed(ask: Ask, state: State, position: Position, machine: Machine) -> 
     return made, state._replace(polar=(pole[0], pole[1], radius, angle))
 
 
-def _in_unit(ask: Ask, state: State) -> State:
+def _in_unit(ask: ParsedLine, state: State) -> State:
     if "unit" not in ask.codes:
         return state
     return state._replace(mm_per_unit=25.4 if ask.code("unit") in INCHES else 1.0)
 
 
-def _in_plane(here: Here, plane: str) -> Sequence[Known]:
+def _in_plane(here: Here, plane: str) -> Sequence[Coordinate]:
     """Where the tool stands, along the plane's two axes."""
     now = here.position.in_frame(here.state.modal)
     return [now[i] for i in PLANES[plane][:2]]
 
 
-def stepped(ask: Ask, word: Word, begin: Sequence[float], steps: tuple[float, float]) -> tuple[float, float]:
+def stepped(
+    ask: ParsedLine, word: Word, begin: Sequence[float], steps: tuple[float, float]
+) -> tuple[float, float]:
     """X and Y one step of distance (mm) and angle (rad) on. Raises ProgramError."""
     far = math.hypot(*begin)
     if far < MIN_MM:
@@ -114,7 +118,7 @@ def _at(distance: float, angle: float) -> tuple[float, float]:
     return distance * math.cos(angle), distance * math.sin(angle)
 
 
-def _check(ask: Ask, word: Word, plane: str, machine: Machine) -> None:
+def _check(ask: ParsedLine, word: Word, plane: str, machine: Machine) -> None:
     key = ""
     if machine.dialect != "rs274":
         key = "polar.dialect"
@@ -128,7 +132,7 @@ def _check(ask: Ask, word: Word, plane: str, machine: Machine) -> None:
         raise ask.refusal(word, key, code=ask.code("one-line"), plane=plane)
 
 
-def _with(ask: Ask, word: Word, end: tuple[float, float], mm_per_unit: float) -> Ask:
+def _with(ask: ParsedLine, word: Word, end: tuple[float, float], mm_per_unit: float) -> ParsedLine:
     words = {letter: one for letter, one in ask.words.items() if letter not in "@^"}
     for letter, value in zip("XY", end, strict=True):
         words[letter] = Word(letter, value / mm_per_unit, True, word.column, word.text)

@@ -29,8 +29,8 @@ from controller.program.program import (
     TipLine,
 )
 
-Known = float | None
-Place3 = tuple[Known, Known, Known]
+Coordinate = float | None
+Place3 = tuple[Coordinate, Coordinate, Coordinate]
 
 _UNTURNED = Frame()[1:]
 MAX_PENDING = 120
@@ -41,7 +41,7 @@ def homed(machine: Machine) -> Joints:
     return tuple(axis.homing.position for axis in machine.axes)
 
 
-def placed(words: Sequence[Known], here: Vector, frame: Frame, length_mm: float) -> Vector:
+def placed(words: Sequence[Coordinate], here: Vector, frame: Frame, length_mm: float) -> Vector:
     """Absolute words (G90) as X Y Z; axes without a word stay, in the part frame if it is turned."""
     lifted = (0.0, 0.0, length_mm)
     if frame[1:] == _UNTURNED:
@@ -55,7 +55,7 @@ def placed(words: Sequence[Known], here: Vector, frame: Frame, length_mm: float)
     return add(frame.to_parent((x, y, z)), lifted)
 
 
-def shifted(words: Sequence[Known], here: Vector, frame: Frame) -> Vector:
+def shifted(words: Sequence[Coordinate], here: Vector, frame: Frame) -> Vector:
     """Distances (G91) from ``here``."""
     x, y, z = (0.0 if word is None else word for word in words)
     return add(here, frame.turn((x, y, z)))
@@ -92,8 +92,8 @@ class Position:
         self._machine = machine
         self._kinematics: Kinematics | None = None
         self._linear, self._rotary = machine.linear(), machine.rotary()
-        self._xyz: list[Known] = [start[i] for i in self._linear]  # axes, or the tip in the table frame
-        self._rotaries: list[Known] = [*machine.pair(start, 0.0)]
+        self._xyz: list[Coordinate] = [start[i] for i in self._linear]  # axes, or the tip in the table frame
+        self._rotaries: list[Coordinate] = [*machine.pair(start, 0.0)]
         self._tips, self._length_mm = False, 0.0
         # Not gone yet, for most are never asked for: a line that alone says where all axes are, absolute
         # moves behind it.
@@ -166,21 +166,21 @@ class Position:
             last = replace(last, targets=tuple([_first(column) for column in columns]))
         self._joint_move(last)
 
-    def _lost(self) -> list[Known]:
+    def _lost(self) -> list[Coordinate]:
         """Nobody knows where the rotaries are; one that the machine has not stands still."""
         return [*self._machine.pair([None] * len(self._machine.axes), 0.0)]
 
     @property
-    def rotaries(self) -> list[Known]:
+    def rotaries(self) -> list[Coordinate]:
         """The two rotaries (rad, carried)."""
         self._go()
         return self._rotaries
 
-    def joints(self) -> tuple[Known, ...]:
+    def joints(self) -> tuple[Coordinate, ...]:
         """The joints in the machine's order (mm, rad)."""
         self._go()
         self._as_axes()
-        found: list[Known] = [None] * len(self._machine.axes)
+        found: list[Coordinate] = [None] * len(self._machine.axes)
         for i, value in zip((*self._linear, *self._rotary), (*self._xyz, *self._rotaries), strict=False):
             found[i] = value
         return tuple(found)
@@ -291,22 +291,22 @@ def _in_one_frame(a: Modal, b: Modal) -> bool:
     return a is b or (a.offset, a.part, a.length_mm) == (b.offset, b.part, b.length_mm)
 
 
-def _first(column: Sequence[Known]) -> Known:
+def _first(column: Sequence[Coordinate]) -> Coordinate:
     """The first value that is one."""
     if column.count(None) == len(column):
         return None
     return next(q for q in column if q is not None)
 
 
-def _moved(here: Known, word: Known, relative: bool) -> Known:
+def _moved(here: Coordinate, word: Coordinate, relative: bool) -> Coordinate:
     if word is None or not relative:
         return here if word is None else word
     return None if here is None else here + word
 
 
 def _masked(
-    there: Vector, here: Sequence[Known], words: Sequence[Known], relative: bool, frame: Frame
-) -> list[Known]:
+    there: Vector, here: Sequence[Coordinate], words: Sequence[Coordinate], relative: bool, frame: Frame
+) -> list[Coordinate]:
     """``there`` without what hangs on a position that is not known."""
     lost = [q is None and (relative or word is None) for q, word in zip(here, words, strict=True)]
     if frame[1:] != _UNTURNED and any(lost):

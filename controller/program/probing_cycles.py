@@ -18,7 +18,7 @@ from decimal import Decimal
 from typing import Any, NamedTuple
 
 from controller.machine.model import OFFSETS
-from controller.messages import Said, said
+from controller.messages import Message, message
 from controller.program import linked
 
 TOWARDS = {"X+": (1, 0), "X-": (-1, 0), "Y+": (0, 1), "Y-": (0, -1)}
@@ -83,7 +83,7 @@ SET_NONE = (*ON_SETTER, *OF_PROBE)  # they set no offset
 class CycleRefused(Exception):
     """A cycle, or a value of it, that cannot be; ``said``: the sentence."""
 
-    def __init__(self, told: Said) -> None:
+    def __init__(self, told: Message) -> None:
         super().__init__(told)
         self.said = told
 
@@ -157,4 +157,4 @@ def _numbers(name: str, value: object) -> tuple[float, ...]:
 
 
 def _refused(key: str, allowed: Any = (), **values: object) -> CycleRefused:
-    return CycleRefused(said(key, allowed=", ".join(allowed), **values))
+    return CycleRefused(message(key, allowed=", ".join(allowed), **values))

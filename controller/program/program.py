@@ -12,7 +12,7 @@ from controller.geometry.splines import BSpline
 from controller.geometry.vectors import Frame, Vector
 from controller.machine.changes import Change
 from controller.machine.model import Joints, Machine, Tool
-from controller.messages import Said, chain, said, several, text
+from controller.messages import Message, chain, message, several, text
 
 
 class Caller(NamedTuple):
@@ -33,7 +33,7 @@ class ProgramError(Exception):
     facts: Mapping[str, Any] = MappingProxyType({})  # beside the sentence, for JSON
     callers: Callers = ()  # of the sub that it stands in
 
-    def __init__(self, file: str, line: int, column: int, why: Said, about: str = "") -> None:
+    def __init__(self, file: str, line: int, column: int, why: Message, about: str = "") -> None:
         """``about``: the code or letter that is to blame, for counts."""
         super().__init__(file, line, column, why, about)
         self.file, self.line, self.column, self.said, self.about = file, line, column, why, about
@@ -44,10 +44,10 @@ class ProgramError(Exception):
         return text(self.said)
 
     @property
-    def placed(self) -> Said:
+    def placed(self) -> Message:
         """Where and why."""
         place = f"{self.file}:{self.line}:{self.column}"
-        return said("program.refused", place=place, sentence=self.said)
+        return message("program.refused", place=place, sentence=self.said)
 
     def __str__(self) -> str:
         return text(self.placed)
@@ -56,10 +56,12 @@ class ProgramError(Exception):
         """The same error inside of a sub, with who called it."""
         if not callers:
             return self
-        told: list[Said | str] = [said("program.called", **one._asdict()) for one in callers[:MAX_CALLERS]]
+        told: list[Message | str] = [
+            message("program.called", **one._asdict()) for one in callers[:MAX_CALLERS]
+        ]
         if (more := len(callers) - MAX_CALLERS) > 0:
-            told.append(said("program.more_calls", more=more))
-        why = said("program.within", sentence=self.said, calls=chain("program.listed", told))
+            told.append(message("program.more_calls", more=more))
+        why = message("program.within", sentence=self.said, calls=chain("program.listed", told))
         found = type(self)(self.file, self.line, self.column, why, self.about)
         found.facts, found.callers = self.facts, callers
         return found
@@ -74,15 +76,15 @@ class ProgramError(Exception):
 PROBED_IN_VAIN = ("probe.not_touched", "probe.not_free")
 
 
-def refused_on_the_way(refusal: Said) -> Said:
+def refused_on_the_way(refusal: Message) -> Message:
     """What is said of a program whose block was refused when the tool had come to it (``placed``): a probing
     move is known to be in vain once it has been made."""
     why = refusal["values"].get("sentence")
     while isinstance(why, Mapping) and why["key"] == "program.within":  # subs
         why = why["values"]["sentence"]
     probed = isinstance(why, Mapping) and why["key"] in PROBED_IN_VAIN
-    stands = said("stands_after_probing" if probed else "stands_before")
-    return several(said("sentence", text=refusal), stands)
+    stands = message("stands_after_probing" if probed else "stands_before")
+    return several(message("sentence", text=refusal), stands)
 
 
 class GougeRefused(ProgramError):
@@ -108,7 +110,7 @@ class Place(NamedTuple):
     def order(self) -> int:
         return self.step or self.line
 
-    def refusal(self, program: str, why: Said, kind: type[ProgramError] = ProgramError) -> ProgramError:
+    def refusal(self, program: str, why: Message, kind: type[ProgramError] = ProgramError) -> ProgramError:
         """Of what stands here: with the file that it stands in, and who called it."""
         file, line = self.file or program, self.file_line or self.line
         return kind(file, line, self.column, why).within(self.calls)
@@ -232,7 +234,7 @@ class CutCone:
     upper_radius_mm: float
     sweep_rad: float  # positive counter-clockwise seen from +Z
     feed_mm_s: float
-    doubt: Said | None = field(default=None, compare=False)  # whether its words mean what they say
+    doubt: Message | None = field(default=None, compare=False)  # whether its words mean what they say
 
 
 @dataclass(frozen=True, slots=True)
@@ -244,7 +246,7 @@ class CutRuled:
     upper: tuple[Vector, Vector, Vector, Vector]
     lower: tuple[Vector, Vector, Vector, Vector]
     feed_mm_s: float
-    doubt: Said | None = field(default=None, compare=False)  # as of a cone
+    doubt: Message | None = field(default=None, compare=False)  # as of a cone
 
 
 @dataclass(frozen=True, slots=True)
@@ -462,7 +464,7 @@ class Remark:
 
     place: Place
     modal: Modal
-    said: Said
+    said: Message
 
     @property
     def sentence(self) -> str:
@@ -471,7 +473,7 @@ class Remark:
 
 
 @dataclass(frozen=True, slots=True)
-class Message:
+class OperatorMessage:
     """What the program says to the operator at its place in the run; nothing moves or stops."""
 
     place: Place
@@ -500,7 +502,7 @@ class Select:
     tool: int  # 0 = none
 
 
-Aside = Message | Setting | Select  # parts no motions
+Aside = OperatorMessage | Setting | Select  # parts no motions
 Block = CutBlock | JointMotion | TipLine | Dwell | Await | Action | Remark | Aside
 
 

@@ -6,10 +6,10 @@ from types import MappingProxyType
 
 from controller.machine.model import Machine
 from controller.program import line_words
-from controller.program.codes import Ask
+from controller.program.codes import ParsedLine
 from controller.program.modal import State
 from controller.program.offset_words import Here
-from controller.program.position import Known
+from controller.program.position import Coordinate
 from controller.program.program import Block, JointLine, Targets, Tip, TipLine
 from controller.program.words import Word
 
@@ -53,17 +53,17 @@ def _with_increments(here: Here, targets: Targets) -> tuple[Targets, bool]:
     if any(target is not None for target in targets) and not relative:
         raise _mixed(here.ask, next(iter(words.values())))
     unit, axes = here.state.mm_per_unit, here.machine.axes
-    made: list[Known] = [
+    made: list[Coordinate] = [
         words[axis.name].value * unit if axis.name in words else target
         for axis, target in zip(axes, targets, strict=True)
     ]
     return tuple(made), True
 
 
-def _mixed(ask: Ask, word: Word) -> Exception:
+def _mixed(ask: ParsedLine, word: Word) -> Exception:
     return ask.refusal(word, "reference.mixed")
 
 
-def reference(state: State, machine: Machine, code: str) -> tuple[Known, ...]:
+def reference(state: State, machine: Machine, code: str) -> tuple[Coordinate, ...]:
     """The joints of a point: as the program stored it, else as the machine has it."""
     return state.references[code] if code in state.references else machine.reference(code)

@@ -11,12 +11,12 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from controller.machine.model import Joints, Machine
-from controller.messages import DEFAULT, Said, chain, said, text
+from controller.messages import DEFAULT, Message, chain, message, text
 from controller.program import blocks, caret, linked
 from controller.program.decoding import NEWLINE
 from controller.program.program import ProgramError
 
-MOST = 100  # that are told one by one
+MAX_REPORTED = 100  # that are told one by one
 MAX_WIDE = 100  # columns of a line that is shown
 MAX_BLOCKS = 1_000_000  # that are read to find them
 
@@ -41,13 +41,13 @@ def counts(refused: Sequence[ProgramError]) -> dict[str, int]:
     return dict(Counter(error.about for error in refused).most_common())
 
 
-def summed(refused: Sequence[ProgramError]) -> Said:
+def summed(refused: Sequence[ProgramError]) -> Message:
     """One sentence that counts them."""
-    each: list[Said | str] = [
-        said("program.count" if about else "program.count_other", about=about, count=count)
+    each: list[Message | str] = [
+        message("program.count" if about else "program.count_other", about=about, count=count)
         for about, count in counts(refused).items()
     ]
-    return said("program.summed", count=len(refused), each=chain("program.listed", each))
+    return message("program.summed", count=len(refused), each=chain("program.listed", each))
 
 
 def lines_of(data: bytes, name: str) -> dict[str, list[str]]:
@@ -81,4 +81,4 @@ def facts(
             place["called_at"] = one.line_in(program)
         return {**place, **one.said, "shown": shown(one, by_file)}
 
-    return {"refusals": [row(one) for one in refused[:MOST]], "counts": counts(refused)}
+    return {"refusals": [row(one) for one in refused[:MAX_REPORTED]], "counts": counts(refused)}

@@ -19,8 +19,8 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from controller.geometry.vectors import Frame, Vector, norm, subtract
 from controller.machine.model import Machine
-from controller.messages import Said, said
-from controller.program.codes import CONE_WORDS, Ask
+from controller.messages import Message, message
+from controller.program.codes import CONE_WORDS, ParsedLine
 from controller.program.line import Upcoming
 from controller.program.modal import BLU_PER_MM, State, tool_list
 from controller.program.origins import NONE
@@ -34,21 +34,21 @@ AXES = "XYZABC"  # of a shift
 LEVEL_MM = 1e-9  # start and centre of a cone are on one level, a radius is not 0, beyond this
 
 
-def surplus(ask: Ask, motion: str, word: Word) -> ProgramError:
+def surplus(ask: ParsedLine, motion: str, word: Word) -> ProgramError:
     """The refusal of a word that the G51 or G52 of this line does not take."""
     make = _not_a_cone if motion == "G51" else _not_a_ruled
-    return make(ask.line, word, said("surface.found", found=word.text))
+    return make(ask.line, word, message("surface.found", found=word.text))
 
 
-def _not_a_cone(line: Line, word: Word, found: Said) -> ProgramError:
+def _not_a_cone(line: Line, word: Word, found: Message) -> ProgramError:
     return line.refusal(word, "surface.no_cone", found=found)
 
 
-def _not_a_ruled(line: Line, word: Word, found: Said) -> ProgramError:
+def _not_a_ruled(line: Line, word: Word, found: Message) -> ProgramError:
     return line.refusal(word, "surface.not_ruled", found=found)
 
 
-def is_shift(ask: Ask, state: State, machine: Machine, ahead: Upcoming) -> bool:
+def is_shift(ask: ParsedLine, state: State, machine: Machine, ahead: Upcoming) -> bool:
     """Whether the G52 of a line shifts coordinates; False: it is a surface.
 
     Raises ProgramError where bare coordinates after it leave open what it is.
@@ -69,20 +69,20 @@ def is_shift(ask: Ask, state: State, machine: Machine, ahead: Upcoming) -> bool:
     )
 
 
-def told_shift(ask: Ask, state: State) -> Remark:
-    """What ``check`` tells of a G52 that shifts."""
+def shift_remark(ask: ParsedLine, state: State) -> Remark:
+    """What ``check`` reports of a G52 that shifts."""
     origins = state.origins
     key = "note.no_shift"
     if origins.local != NONE or (origins.shift != NONE and not origins.suspended):
         key = "note.shift" if origins.plane is None else "note.shift_of_plane"
-    return Remark(ask.place(ask.codes["motion"][1]), state.modal, said(key))
+    return Remark(ask.place(ask.codes["motion"][1]), state.modal, message(key))
 
 
-def cone(ask: Ask, state: State, machine: Machine) -> CutCone:
+def cone(ask: ParsedLine, state: State, machine: Machine) -> CutCone:
     """The cone of a line with G51 (mm, radians, part frame)."""
     word, given = ask.codes["motion"][1], ask.words
     if lacking := missing(given, CONE_WORDS):
-        raise _not_a_cone(ask.line, word, said("surface.missing", letters=lacking))
+        raise _not_a_cone(ask.line, word, message("surface.missing", letters=lacking))
     start, centre = point_of(given, "XYZ", state), point_of(given, "IJK", state)
     sweep = given["D"].value if given["D"].point else given["D"].value / BLU_PER_DEGREE
     _check_cone(ask, start, centre, sweep)
@@ -94,7 +94,7 @@ def cone(ask: Ask, state: State, machine: Machine) -> CutCone:
     return CutCone(ask.place(word), state.modal, start, centre, height, radius, sweep_rad, feed, doubt)
 
 
-def _check_cone(ask: Ask, start: Vector, centre: Vector, sweep_deg: float) -> None:
+def _check_cone(ask: ParsedLine, start: Vector, centre: Vector, sweep_deg: float) -> None:
     given = ask.words
     radius = math.hypot(start[0] - centre[0], start[1] - centre[1])
     forbidden = (
@@ -110,19 +110,19 @@ def _check_cone(ask: Ask, start: Vector, centre: Vector, sweep_deg: float) -> No
             raise ask.refusal(given[letter], key, most=MAX_SWEEP_DEG)
 
 
-def ruled(ask: Ask, state: State, machine: Machine, lines: Iterator[Line]) -> CutRuled:
+def ruled(ask: ParsedLine, state: State, machine: Machine, lines: Iterator[Line]) -> CutRuled:
     """The ruled surface of a line with G52; takes its other seven points from ``lines`` (mm)."""
     word, given = ask.codes["motion"][1], ask.words
     if lacking := missing(given, "XYZ"):
-        raise _not_a_ruled(ask.line, word, said("surface.missing", letters=lacking))
+        raise _not_a_ruled(ask.line, word, message("surface.missing", letters=lacking))
     if "stop" in ask.codes:
-        raise _not_a_ruled(ask.line, ask.codes["stop"][1], said("surface.found", found=ask.code("stop")))
+        raise _not_a_ruled(ask.line, ask.codes["stop"][1], message("surface.found", found=ask.code("stop")))
     p, words = [point_of(given, "XYZ", state)], _counted(given, "XYZF")
     while len(p) < 8:
         line = next(lines, None)
         if line is None:
-            raise _not_a_ruled(ask.line, word, said("surface.ends_after", count=len(p)))
-        due = said("surface.point", number=len(p) + 1, line=ask.line.number)
+            raise _not_a_ruled(ask.line, word, message("surface.ends_after", count=len(p)))
+        due = message("surface.point", number=len(p) + 1, line=ask.line.number)
         point = _point_words(line, due)
         p.append(point_of(point, "XYZ", state))
         words += point.values()
@@ -134,15 +134,15 @@ def ruled(ask: Ask, state: State, machine: Machine, lines: Iterator[Line]) -> Cu
     return CutRuled(ask.place(word), state.modal, upper, lower, feed, doubt)
 
 
-def _point_words(line: Line, due: Said) -> dict[str, Word]:
+def _point_words(line: Line, due: Message) -> dict[str, Word]:
     """Exactly X Y Z."""
     given: dict[str, Word] = {}
     for found in line.words:
         if found.letter not in "XYZ" or found.letter in given:
-            raise _not_a_ruled(line, found, said("surface.found_for", found=found.text, due=due))
+            raise _not_a_ruled(line, found, message("surface.found_for", found=found.text, due=due))
         given[found.letter] = found
     if lacking := missing(given, "XYZ"):
-        raise _not_a_ruled(line, line.words[0], said("surface.missing_in", letters=lacking, due=due))
+        raise _not_a_ruled(line, line.words[0], message("surface.missing_in", letters=lacking, due=due))
     return given
 
 
@@ -161,7 +161,7 @@ def point_of(given: dict[str, Word], letters: str, state: State) -> Vector:
     return x, y, z
 
 
-def feed_of(ask: Ask, code: str, word: Word, state: State, machine: Machine) -> float:
+def feed_of(ask: ParsedLine, code: str, word: Word, state: State, machine: Machine) -> float:
     """The feed in mm/s, once all that a surface needs of the state is there."""
     modal = state.modal
     if not state.absolute:
@@ -187,7 +187,7 @@ def _counted(given: Mapping[str, Word], letters: str) -> list[Word]:
     return [given[letter] for letter in letters if letter in given]
 
 
-def doubt_of_words(code: str, words: Iterable[Word], contact_mm: float, feed_mm_s: float) -> Said | None:
+def doubt_of_words(code: str, words: Iterable[Word], contact_mm: float, feed_mm_s: float) -> Message | None:
     """A doubt about the units of the words (``contact_mm``: of the contact), or None.
 
     What is written with decimal points is meant as it stands, however small; a feed with one may stand beside
@@ -198,14 +198,14 @@ def doubt_of_words(code: str, words: Iterable[Word], contact_mm: float, feed_mm_
     plain = next((word for word in lengths if not word.point), None)
     if plain is None:
         feed = next((word for word in counted if word.letter == "F" and not word.point), None)
-        return said("doubt.feed", code=code, word=feed.text, feed=feed_mm_s * 60.0) if feed else None
+        return message("doubt.feed", code=code, word=feed.text, feed=feed_mm_s * 60.0) if feed else None
     pointed = next((word for word in lengths if word.point), None)
     means = {"code": code, "word": plain.text, "mm": abs(plain.value) / BLU_PER_MM}
     if pointed is not None:
-        return said("doubt.mixed", pointed=pointed.text, **means)
+        return message("doubt.mixed", pointed=pointed.text, **means)
     if contact_mm >= SMALL_MM:
         return None
-    return said("doubt.small", contact=contact_mm, feed=feed_mm_s * 60.0, **means)
+    return message("doubt.small", contact=contact_mm, feed=feed_mm_s * 60.0, **means)
 
 
 def length_mm(points: Sequence[Vector]) -> float:

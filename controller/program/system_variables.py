@@ -28,7 +28,7 @@ from typing import Any, NamedTuple
 from controller.geometry.vectors import Vector
 from controller.machine.changes import Change
 from controller.machine.model import MAX_WEAR_MM, OFFSETS, Machine, Offset, Tool
-from controller.messages import Said, said
+from controller.messages import Message, message
 from controller.program import kept
 from controller.program.given import LETTERS, Given
 from controller.program.modal import State
@@ -93,7 +93,7 @@ class SystemVariables:
         self._machine, self._given = machine, given
         self._plain: dict[int, float] = {}  # what was written and does nothing
         self.asks: dict[int, float] = {}  # ALARM or STOP of the line that is read
-        self.notes: list[Said] = []
+        self.notes: list[Message] = []
         self.changes: list[Change] = []
         self.is_modal_call = False  # G66
         axes = [axis.name.lower() for axis in machine.axes]
@@ -193,7 +193,7 @@ class SystemVariables:
         if (found := self._tool_of(key)) is None:
             return None
         number, field = found
-        tool = self._given.state.tool_as_told(number, self._machine)
+        tool = self._given.state.table_tool(number, self._machine)
         return 0.0 if tool is None else float(getattr(tool, field.name)) * field.per / self._unit
 
     # ---- writing
@@ -218,7 +218,7 @@ class SystemVariables:
             self.asks[key] = value
         elif key in NOTED:
             self._plain[key] = value
-            self.notes.append(said(NOTED[key], number=key))
+            self.notes.append(message(NOTED[key], number=key))
         elif (offset := self._offset_of(key)) is not None:
             self._set_offset(*offset, value)
         elif (tool := self._tool_of(key)) is not None:
@@ -243,7 +243,7 @@ class SystemVariables:
 
     def _set_tool(self, key: int, number: int, field: Field, value: float) -> None:
         state = self._given.state
-        tool = state.tool_as_told(number, self._machine)
+        tool = state.table_tool(number, self._machine)
         if tool is None:
             raise NoValue("value.system_no_tool", number=key, tool=number)
         written = value * self._unit / field.per

@@ -111,7 +111,7 @@ def _faster(here: Here) -> float:
     word, spindle = here.ask.words.get("I"), here.machine.spindle
     if word is None or spindle is None:
         return 1.0
-    most = min(MAX_RETURN, spindle.max_rev_min / here.state.speed_rev_min)
+    most = min(MAX_RETURN, here.machine.max_rev_min(here.state.modal.tool) / here.state.speed_rev_min)
     if not 0.0 < word.value <= most:
         raise here.ask.refusal(word, "thread.faster", most=most)
     return word.value

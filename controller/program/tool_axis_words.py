@@ -16,7 +16,7 @@ from dataclasses import replace
 from controller.geometry.vectors import ROUNDING, Vector
 from controller.machine.kinematics import Pair
 from controller.machine.model import Kind, Machine
-from controller.messages import Said, chain, said
+from controller.messages import Message, chain, message
 from controller.program.modal import State, tool_list
 from controller.program.offset_words import Here
 from controller.program.program import Block, JointLine, ProgramError, TipLine
@@ -88,14 +88,14 @@ def _chosen(here: Here, code: str, word: Word, now: Pair, axis: Vector) -> Pair:
     axis = kinematics.nearest_reached(axis, ROUNDING_RAD)
     found = kinematics.candidates(axis, None, machine.turns(), now)
     lead = primary(machine)
-    allowed = [pair for pair in found if p == 0 or _is_asked(machine, p, lead, pair, now)]
+    allowed = [pair for pair in found if p == 0 or _is_on_side(machine, p, lead, pair, now)]
     if not allowed:
         everywhere = [q for q in kinematics.branches(axis, math, None, now) if not any(map(math.isnan, q))]
         raise _unreachable(here, code, word, everywhere, found, p, axis)
     return min(allowed, key=lambda pair: _way(pair, now, lead))
 
 
-def _is_asked(machine: Machine, p: int, lead: int, pair: Pair, now: Pair) -> bool:
+def _is_on_side(machine: Machine, p: int, lead: int, pair: Pair, now: Pair) -> bool:
     """Whether the primary rotary goes (rs274) or stands (fanuc) on the side of P1 or P2, as it is shown."""
     shown = machine.pair([axis.shown_per_unit for axis in machine.axes], 1.0)[lead]
     sign = math.copysign(1.0, shown) * (1.0 if p == 1 else -1.0)
@@ -139,9 +139,9 @@ def _shown(machine: Machine, pair: Pair) -> str:
     return " ".join(rows)
 
 
-def _travel(machine: Machine) -> list[Said | str]:
-    told: list[Said | str] = []
+def _travel(machine: Machine) -> list[Message | str]:
+    told: list[Message | str] = []
     for axis in (machine.axes[i] for i in machine.rotary()):
         low, high = sorted(q * axis.shown_per_unit for q in (axis.travel_min, axis.travel_max))
-        told.append(said("plane.travel", axis=axis.name, low=low, high=high))
+        told.append(message("plane.travel", axis=axis.name, low=low, high=high))
     return told

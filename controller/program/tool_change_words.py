@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from controller.machine.model import Changer, ChangerStep, Io, Machine
-from controller.program.codes import Ask
+from controller.program.codes import ParsedLine
 from controller.program.program import (
     UNSAID,
     Act,
@@ -46,7 +46,7 @@ def steps_of(changer: Changer, tool_out: int, tool_in: int) -> list[tuple[Change
 
 
 def blocks(
-    ask: Ask, word: Word, before: Modal, after: Modal, machine: Machine, number: int
+    ask: ParsedLine, word: Word, before: Modal, after: Modal, machine: Machine, number: int
 ) -> tuple[list[Block], int]:
     """What M6 makes, and the number of the next stop. Raises ProgramError.
 

@@ -11,9 +11,9 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Mapping
 
-from controller.messages import said
+from controller.messages import message
 from controller.program import foreign, linked, macros, marks, own_codes
-from controller.program.comments import LONGEST, aborted, ended, message, without_comments
+from controller.program.comments import LONGEST, aborted, ended, message_text, without_comments
 from controller.program.decoding import Text
 from controller.program.expressions import ARITHMETIC, GAPS, NOTHING, Values
 from controller.program.flow import Limits, Run, Source
@@ -71,8 +71,8 @@ def read(
         yield from run.lines()
     if not scan.found:
         if source is not None and source.marks.subs:
-            raise ProgramError(name, 1, 1, said("text.only_subs", label=next(iter(source.marks.subs))))
-        raise ProgramError(name, 1, 1, said("text.only_comments" if whole.body else "text.empty"))
+            raise ProgramError(name, 1, 1, message("text.only_subs", label=next(iter(source.marks.subs))))
+        raise ProgramError(name, 1, 1, message("text.only_comments" if whole.body else "text.empty"))
 
 
 class _Scan:
@@ -148,7 +148,7 @@ class _Scan:
             words = _Words(text, name, number, self.parameters).words()
             self.found |= bool(words) or "#" in text
         kept = self.parameters.fresh() if "#" in text else {}
-        asked = self._asked(raw, name, number) if "#" in text and self._system is not None else None
+        asked = self._system_requests(raw, name, number) if "#" in text and self._system is not None else None
         if asked is not None:
             words = (*words, *asked.words)
         has = words or kept or asked or "," in raw
@@ -163,7 +163,7 @@ class _Scan:
             self.found |= bool(line.message)
         return line if line is not None and (words or line.says) else None
 
-    def _asked(self, raw: str, name: str, number: int) -> Line | None:
+    def _system_requests(self, raw: str, name: str, number: int) -> Line | None:
         """What settings of system variables ask for; None where nothing. Raises ProgramError."""
         system = self._system
         assert system is not None
@@ -174,7 +174,9 @@ class _Scan:
             return None
         text = " ".join(" ".join(found.split()) for found in _TEXT.findall(raw))[:LONGEST]
         if (alarm := asks.get(ALARM)) is not None:
-            raise ProgramError(name, number, raw.find("#") + 1, said("text.alarm", number=alarm, text=text))
+            raise ProgramError(
+                name, number, raw.find("#") + 1, message("text.alarm", number=alarm, text=text)
+            )
         stop = (Word("M", 0.0, False, raw.find("#") + 1, f"#{STOP}"),) if STOP in asks else ()
         made = Line(name, number, stop)
         made.notes, made.changes, made.message = notes, changes, text if stop else ""
@@ -190,7 +192,7 @@ class _Scan:
 
             if ends := aborted(raw, value):
                 raise ProgramError(line.name, line.number, ends[0], ended(ends[1]))
-            line.message = message(raw, value, self.parameters.value(SAYS_DEBUG) != 0.0)
+            line.message = message_text(raw, value, self.parameters.value(SAYS_DEBUG) != 0.0)
         return line
 
 

@@ -6,7 +6,7 @@ from typing import Any
 
 from controller.machine import machine_file
 from controller.machine.model import Machine
-from controller.messages import Said, several
+from controller.messages import Message, several
 from drives.load import budget
 from drives.load.budget import BusBudget
 
@@ -16,10 +16,10 @@ def budgets(machine: Machine) -> list[BusBudget]:
     return budget.of(**_plan(machine))
 
 
-def overload(machine: Machine) -> Said | None:
+def overload(machine: Machine) -> Message | None:
     """A text for each bus that its tick does not fit on, with what would fit; None if all fit."""
     found = budget.advice(**_plan(machine), max_share=machine.max_bus_share)
-    return several(*(Said(key=one["key"], values=one["values"]) for one in found)) if found else None
+    return several(*(Message(key=one["key"], values=one["values"]) for one in found)) if found else None
 
 
 def _plan(machine: Machine) -> dict[str, Any]:

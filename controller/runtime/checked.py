@@ -18,7 +18,7 @@ from typing import Any
 from controller.geometry.vectors import ROUNDING
 from controller.machine.kinematics import Kinematics, kinematics_of
 from controller.machine.model import TOOL_AT_POWER_ON, Joints, Machine
-from controller.messages import Said, said
+from controller.messages import Message, message
 from controller.motion.motions import Rotaries
 from controller.plan.look_ahead import NoLaw
 from controller.plan.path import (
@@ -51,7 +51,7 @@ from controller.workers import Spread, here
 
 # Share of a check that is done when cutters are placed, when branches are chosen, and when all is planned.
 PLACED, CHOSEN, PLANNED = 0.1, 0.2, 0.6
-MOST_KEPT = 1000  # motions of a path that is not laid once more for its run: it bounds the memory
+MAX_KEPT = 1000  # motions of a path that is not laid once more for its run: it bounds the memory
 PLACING_S = 0.4  # that a search for one surface takes, about
 
 
@@ -119,7 +119,7 @@ def path_of(
     is waited for.
     """
     source = _source(asked, chosen, dry_run_mm).dry()
-    tracer = path.Tracer(asked.name, source.machine, asked.kinematics, asked.start, chosen or {})
+    tracer = path.PathBuilder(asked.name, source.machine, asked.kinematics, asked.start, chosen or {})
     read = _Read(iter(source.blocks))
     items = duration.bounded(tracer.items(read), source.machine, asked.name, whole=chosen is not None)
     items = _whole(items, read, asked)
@@ -202,7 +202,7 @@ def _whole(items: Iterator[Chain | Pause], read: _Read, asked: Task) -> Iterator
     if read.last is None and asked.typed:
         yield Pause(Place(1, 1), modal.begun(asked.machine, asked.begin).modal)
     elif read.last is None:
-        raise ProgramError(asked.name, 1, 1, said("path.nothing"))
+        raise ProgramError(asked.name, 1, 1, message("path.nothing"))
     elif empty:
         yield Pause(read.last.place, read.last.modal)
 
@@ -217,11 +217,11 @@ def _switched_off(items: Iterable[Chain | Pause]) -> Iterator[Chain | Pause]:
 
 def chosen_for(asked: Task, progress: Progress = lambda _: None) -> dict[int, Rotaries]:
     """Branch and turns over the whole program: a pass of its own over its blocks."""
-    read = _told(_blocks(asked), asked, progress)
+    read = _with_progress(_blocks(asked), asked, progress)
     return choices.choices(read, asked.machine, asked.kinematics, asked.start, asked.name)
 
 
-def _told(read: Iterator[Block], asked: Task, progress: Progress) -> Iterator[Block]:
+def _with_progress(read: Iterator[Block], asked: Task, progress: Progress) -> Iterator[Block]:
     """Blocks; ``progress`` gets the share of the program that is read."""
     lines = max(1, asked.text.count(b"\n"))
     for block in read:
@@ -272,7 +272,7 @@ def _fixed(watched: Watched) -> list[Chain | Pause] | None:
     kept, fixed = list[Chain | Pause](), True
     for item in watched:
         probes = isinstance(item, Pause) and item.probe is not None
-        fixed = fixed and not probes and len(watched.stretches) <= MOST_KEPT
+        fixed = fixed and not probes and len(watched.stretches) <= MAX_KEPT
         if fixed:
             kept.append(item)
     return kept if fixed else None
@@ -325,7 +325,7 @@ def check(
     progress: Callable[[int], None] = lambda _: None,
     watch: Callable[[Iterable[Chain | Pause]], Iterable[Chain | Pause]] = lambda items: items,
     spread: Spread = here,
-) -> tuple[Survey, Stored, Said | str]:
+) -> tuple[Survey, Stored, Message | str]:
     """Look at the whole program and keep what was found: survey, check, and a warning or "".
 
     As ``looked_at``. Raises ProgramError.
@@ -372,7 +372,7 @@ def looked_at(
                 in_force,
             )
         except NoLaw as lost:
-            raise ProgramError(asked.name, lost.line, 1, said("path.no_law")) from lost
+            raise ProgramError(asked.name, lost.line, 1, message("path.no_law")) from lost
         seen = _audited(asked, watched, _between(done, PLANNED, 1.0), spread)
     notes, overcuts = (*walk.notes, *seen.notes), tuple(seen.overcuts)
     figures = found.ticks, found.duration_s, found.blocks
@@ -395,32 +395,32 @@ def place_ahead(asked: Task, spread: Spread, progress: Progress = lambda _: None
     """
     if spread is here or not may_cut(asked.text):
         return
-    wanted: dict[placing.Wanted, None] = {}
+    wanted: dict[placing.RequiredPlacement, None] = {}
     with contextlib.suppress(ProgramError):
-        for block in _told(_blocks(asked), asked, _between(progress, 0.0, 0.1)):
+        for block in _with_progress(_blocks(asked), asked, _between(progress, 0.0, 0.1)):
             if isinstance(block, CutBlock):
-                wanted |= dict.fromkeys(cuts.wanted(block, asked.machine))
+                wanted |= dict.fromkeys(cuts.required_placements(block, asked.machine))
     unknown = [one for one in wanted if not one.is_known]
     for k, recipes in enumerate(spread(placing.searched, unknown, PLACING_S)):
         placements.learn(recipes)
         progress(0.1 + 0.9 * (k + 1) / len(unknown))
 
 
-def keep(kept: Stored, name: str, where: Path) -> Said | str:
+def keep(kept: Stored, name: str, where: Path) -> Message | str:
     """Store a check; a warning where that was not to be done, or ""."""
     try:
         stored.save(kept, name, where)
     except OSError as error:
-        return said("stored.not_kept", folder=where, why=error)
+        return message("stored.not_kept", folder=where, why=error)
     return ""
 
 
-def verdict_of(kept: Stored, most: int = wording.MOST) -> dict[str, Any] | None:
-    """What a check says of the form of all surfaces, as ``wording.told`` does."""
-    return wording.told(kept.verdicts, most)
+def verdict_of(kept: Stored, most: int = wording.MAX_SURFACES) -> dict[str, Any] | None:
+    """What a check says of the form of all surfaces, as ``wording.to_json`` does."""
+    return wording.to_json(kept.verdicts, most)
 
 
-def find(asked: Task, where: Path) -> tuple[Stored | None, Said | str]:
+def find(asked: Task, where: Path) -> tuple[Stored | None, Message | str]:
     """The kept check, and a warning or "" where there is none to be used."""
     kept, warning = stored.load(asked.key, where)
     if kept is not None:

@@ -25,7 +25,7 @@ from typing import Any
 from controller import one_thread
 from controller.ipc import internal_error
 from controller.machine.model import Machine
-from controller.messages import said, text
+from controller.messages import message, text
 
 END_S = 5.0  # to stand down; then it is killed
 
@@ -87,8 +87,8 @@ class Child:
             return self._words.read_text()
         code = self.process.poll()
         if code is not None and code < 0:
-            return text(said("process.killed", role=self.role, signal=signal.Signals(-code).name))
-        return text(said("process.ended", role=self.role, code=code)) if code else ""
+            return text(message("process.killed", role=self.role, signal=signal.Signals(-code).name))
+        return text(message("process.ended", role=self.role, code=code)) if code else ""
 
     def end(self) -> None:
         """Ask it to end; kill it if it does not."""
@@ -172,7 +172,7 @@ def run(role: str, main: Callable[[Any], None], job_file: Path, expected: tuple[
 
 def own_error(role: str, error: Exception) -> str:
     """A mistake of ours in one sentence, with its place."""
-    return text(said("process.own_error", role=role, error=internal_error.told(error)))
+    return text(message("process.own_error", role=role, error=internal_error.summary(error)))
 
 
 class Asked:

@@ -14,7 +14,7 @@ import numpy as np
 from controller.geometry.arrays import Array, distinct
 from controller.ipc.handoff import ROW
 from controller.machine.model import Machine
-from controller.messages import Said, said
+from controller.messages import Message, message
 from controller.runtime.contour_error import ContourErrors, DemandOf, Measured, ends
 from controller.state.modes import Request
 
@@ -60,11 +60,11 @@ class Excess:
     def to_dict(self, machine: Machine) -> dict[str, Any]:
         return {"tick": self.tick, "ticks": self.ticks, **self.largest.to_dict(machine)}
 
-    def sentence(self, machine: Machine) -> Said:
+    def sentence(self, machine: Machine) -> Message:
         """For the operator."""
         worst, seconds = self.largest, self.ticks * machine.period_s
         axis, figures = machine.axes[worst.axis].name, {"largest": worst.mm, "tolerance": worst.tolerance_mm}
-        return said("contour_error", line=worst.line, axis=axis, seconds=seconds, **figures)
+        return message("contour_error", line=worst.line, axis=axis, seconds=seconds, **figures)
 
 
 def reaction(machine: Machine, override: float) -> tuple[Request, float] | None:

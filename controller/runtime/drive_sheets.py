@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from controller.machine import machine_file
 from controller.machine.model import Machine
-from controller.messages import Said, said
+from controller.messages import Message, message
 from drives import commission
 
 
-def look(machine: Machine) -> tuple[list[Said], list[Said]]:
+def look(machine: Machine) -> tuple[list[Message], list[Message]]:
     """What commissioning would refuse, and what it would warn of, drive by drive. Raises ConfigError."""
     master = machine_file.master_settings(machine)
     rates = {bus.name: bus.bit_rate for bus in machine.buses}
-    problems: list[Said] = []
-    warnings: list[Said] = []
+    problems: list[Message] = []
+    warnings: list[Message] = []
     for node in machine_file.all_settings(machine):
         against, warned = commission.on_paper(node, master, rates[node.bus])
         problems += against
@@ -21,6 +21,6 @@ def look(machine: Machine) -> tuple[list[Said], list[Said]]:
     return problems, warnings
 
 
-def refusal(machine: Machine) -> list[Said]:
+def refusal(machine: Machine) -> list[Message]:
     """The problems as sentences; none where there are none. Raises ConfigError."""
-    return [said("sentence", text=problem) for problem in look(machine)[0]]
+    return [message("sentence", text=problem) for problem in look(machine)[0]]

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from controller.geometry.vectors import Frame
 from controller.machine.model import OFFSETS, Machine
-from controller.messages import DEFAULT, LANGUAGES, Key, Said, said
+from controller.messages import DEFAULT, LANGUAGES, Key, Message, message
 from controller.plan.restart.restart import Rest
 from controller.program.program import Modal
 
 COOLANT = (Key("at.off"), Key("at.mist"), Key("at.flood"), Key("at.mist_and_flood"))
 
 
-def told(rest: Rest) -> list[Said]:
+def messages(rest: Rest) -> list[Message]:
     """The place, what is in force there, and how it is entered."""
     at, machine, spot = rest.target.modal, rest.source.machine, rest.spot
     feed = Key("at.none") if at.feed_mm_s is None else f"{at.feed_mm_s * 60.0:g} mm/min"
@@ -20,14 +20,14 @@ def told(rest: Rest) -> list[Said]:
     way = f"at.way.{rest.what}"
     what = Key(way) if way in LANGUAGES[DEFAULT].texts else rest.what
     size = _size(machine, at.tool)
-    tilted = [said("at.tilted", **_plane(at.frame(machine)))] if at.tilted else []
+    tilted = [message("at.tilted", **_plane(at.frame(machine)))] if at.tilted else []
     return [
-        said("at.place", line=spot.line, percent=f"{spot.fraction * 100.0:.1f}", what=what),
-        said("at.sized_tool" if size else "at.tool", tool=at.tool, offset=offset, length=length, **size),
+        message("at.place", line=spot.line, percent=f"{spot.fraction * 100.0:.1f}", what=what),
+        message("at.sized_tool" if size else "at.tool", tool=at.tool, offset=offset, length=length, **size),
         *tilted,
-        said("at.spindle", **spindle),
-        *([said("at.outputs", outputs=names)] if (names := _on(machine, at)) else []),
-        said("at.entry", joints=_joints(rest)),
+        message("at.spindle", **spindle),
+        *([message("at.outputs", outputs=names)] if (names := _on(machine, at)) else []),
+        message("at.entry", joints=_joints(rest)),
     ]
 
 

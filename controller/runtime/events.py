@@ -35,7 +35,7 @@ from typing import Any
 from controller import sealed_file
 from controller.commands.table import MAX_OVERRIDE, SWITCHED
 from controller.ipc.handoff import Jog
-from controller.messages import Key, TextError, said
+from controller.messages import Key, TextError, message
 from controller.runtime.starts import Start
 from controller.state import record_files
 from controller.state.modes import Fault, Request
@@ -129,7 +129,7 @@ def recorded(path: Path, count: int | None = None) -> Recorded | None:
     """
     found = _lines(path)
     if count is not None and len(found) != count:
-        raise EventError(said("events.lost", path=path, found=len(found), wanted=count))
+        raise EventError(message("events.lost", path=path, found=len(found), wanted=count))
     begin = next((one for one in found if isinstance(one, Begin)), None)
     if begin is None:
         return None
@@ -153,9 +153,9 @@ def _lines(path: Path) -> list[Line | Begin]:
     try:
         text = path.read_text(encoding="utf-8")
     except UnicodeDecodeError as error:
-        raise EventError(said("events.no_text", path=path, start=error.start)) from error
+        raise EventError(message("events.no_text", path=path, start=error.start)) from error
     except OSError as error:
-        raise EventError(said("events.unreadable", path=path, why=error)) from error
+        raise EventError(message("events.unreadable", path=path, why=error)) from error
     lines = text.splitlines()
     is_record = bool(lines) and '"request": "begin"' in lines[0]
     is_summed = is_record and sealed_file.has_sum(text.encode())  # those of older versions are not
@@ -181,7 +181,7 @@ def _summed(where: str, line: str, number: int) -> dict[str, Any]:
     try:
         return sealed_file.of_line(line, number=number)
     except sealed_file.Damaged as error:
-        raise EventError(said("events.damaged", where=where, why=error.said)) from error
+        raise EventError(message("events.damaged", where=where, why=error.said)) from error
 
 
 def _unpacked(where: str, line: str) -> Any:
@@ -190,32 +190,32 @@ def _unpacked(where: str, line: str) -> Any:
         return json.loads(line)
     except (ValueError, RecursionError) as error:  # also numbers of thousands of digits
         why = error.msg if isinstance(error, json.JSONDecodeError) else Key("events.too_long")
-        raise EventError(said("events.no_json", where=where, why=why)) from error
+        raise EventError(message("events.no_json", where=where, why=why)) from error
 
 
 def _line(where: str, data: Any, keys: frozenset[str]) -> Line | Begin:
     if not isinstance(data, dict) or (unknown := set(data) - keys):
         key = "events.unknown_key" if isinstance(data, dict) else "events.no_object"
         found = sorted(unknown)[0] if isinstance(data, dict) else ""
-        raise EventError(said(key, where=where, name=found))
+        raise EventError(message(key, where=where, name=found))
     request = data.get("request")
     if request == BEGIN:
         return _begin(where, data.get("value"))
     if request == ASIDE:
-        raise EventError(said("events.led_aside", where=where))
+        raise EventError(message("events.led_aside", where=where))
     if request in (STAND, PIECES, WAIT, FAULT, OFF_PATH, THREAD, ADAPTIVE, STOCK, TAKEN_BACK, *TURNS):
         return _happened(where, data)
-    return _asked(where, data)
+    return _parsed_request(where, data)
 
 
-def _asked(where: str, data: dict[str, Any]) -> Line:
-    """What an operator asked for."""
+def _parsed_request(where: str, data: dict[str, Any]) -> Line:
+    """A request of the operator. Raises EventError."""
     tick, request, is_recorded = data.get("tick"), data.get("request"), "at" in data
     if not isinstance(tick, int) or isinstance(tick, bool) or tick < (-1 if is_recorded else 0):
-        raise EventError(said("events.tick", where=where, tick=tick))
+        raise EventError(message("events.tick", where=where, tick=tick))
     known = {**REQUESTS, **RECORDED} if is_recorded else REQUESTS
     if not isinstance(request, str) or request not in known:
-        raise EventError(said("events.request", where=where, request=request, names=", ".join(REQUESTS)))
+        raise EventError(message("events.request", where=where, request=request, names=", ".join(REQUESTS)))
     jog = _jog(where, data.get("value")) if request == "jog" else None
     event = Event(tick, known[request], _value(where, request, data), jog)
     return Line(tick, request, *_when(where, data), event)
@@ -234,14 +234,14 @@ def _happened(where: str, data: dict[str, Any]) -> Line:
         THREAD: isinstance(value, list) and [type(x) for x in value] == [float, bool],
     }.get(kind, number)
     if type(tick) is not int or tick < -1 or not sound:
-        raise EventError(said("events.recorded", where=where, kind=kind))
+        raise EventError(message("events.recorded", where=where, kind=kind))
     return Line(tick, kind, *_when(where, data), value=value)
 
 
 def _when(where: str, data: dict[str, Any]) -> tuple[int | None, bool]:
     at, late = data.get("at"), data.get("late", False)
     if not (at is None or type(at) is int) or not isinstance(late, bool):
-        raise EventError(said("events.when", where=where))
+        raise EventError(message("events.when", where=where))
     return at, late
 
 
@@ -251,7 +251,7 @@ def _begin(where: str, value: Any) -> Begin:
         period_s = float(value["period_s"]) if "period_s" in value else None
         return Begin(Start.from_dict(value), dict(value["fitted"]), *sums, period_s)
     except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise EventError(said("events.begin", where=where)) from error
+        raise EventError(message("events.begin", where=where)) from error
 
 
 def _jog(where: str, value: Any) -> Jog:
@@ -259,7 +259,7 @@ def _jog(where: str, value: Any) -> Jog:
     try:
         speed, length, one, *others = (math.inf if x is None else float(x) for x in value)
     except (ValueError, TypeError) as error:
-        raise EventError(said("events.jog", where=where)) from error
+        raise EventError(message("events.jog", where=where)) from error
     return Jog((one, *others), speed, length)
 
 
@@ -269,11 +269,11 @@ def _value(where: str, request: str, data: dict[str, Any]) -> float:
     if request in OVERRIDES:
         most = MAX_OVERRIDE * 100.0
         if not number or not 0.0 <= value <= most:
-            raise EventError(said("events.percent", where=where, found=value, request=request, most=most))
+            raise EventError(message("events.percent", where=where, found=value, request=request, most=most))
         return float(data["share"]) if isinstance(data.get("share"), float) else float(value) / 100.0
     if request in SWITCHES:
         if not number or value not in (0, 1):
-            raise EventError(said("events.switch", where=where, found=value, request=request))
+            raise EventError(message("events.switch", where=where, found=value, request=request))
         return float(value)
     return float(value) if request in BY_HAND and number else 0.0
 

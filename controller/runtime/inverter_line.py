@@ -7,13 +7,13 @@ import time
 from collections.abc import Callable, Iterable
 from typing import Any
 
-from controller.ipc.inverter_slot import Reported, Wanted
+from controller.ipc.inverter_slot import Commanded, Reported
 from controller.machine import inverter_profiles
 from controller.machine.inverter_profiles import NONE, Frequency, InverterProfile, Order, State
 from controller.machine.spindle import Modbus
 
 PAUSE_S = 0.012  # between messages: some inverters begin a new one after 10 ms of silence (Delta, MS300)
-ANSWER_S = 0.2  # for one answer; a longer silence is tried once more, then it is a failure
+ANSWER_TIMEOUT_S = 0.2  # for one answer; a longer silence is tried once more, then it is a failure
 MAX_SPAN = 16  # registers or coils that are read at once (WJ200: 16 registers)
 
 
@@ -38,7 +38,7 @@ class InverterLine:
         self._told: float | None = None  # rev/min
         self._resets: int | None = None
 
-    def exchange(self, wanted: Wanted) -> Reported:
+    def exchange(self, wanted: Commanded) -> Reported:
         """Tell it what has changed, and ask how it is. Raises LineError."""
         try:
             if self._resets not in (None, wanted.resets):
@@ -137,7 +137,7 @@ def opened(modbus: Modbus) -> InverterLine:
         bytesize=int(modbus.frame[0]),
         parity=modbus.frame[1],
         stopbits=int(modbus.frame[2]),
-        timeout=ANSWER_S,
+        timeout=ANSWER_TIMEOUT_S,
         retries=1,
     )
     return InverterLine(modbus, client)

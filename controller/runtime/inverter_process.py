@@ -14,10 +14,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
-from controller.ipc.inverter_slot import InverterSlot, Reported, Wanted
+from controller.ipc.inverter_slot import Commanded, InverterSlot, Reported
 from controller.machine import inverter_profiles
 from controller.machine.spindle import Modbus, Spindle
-from controller.messages import Said, said, text
+from controller.messages import Message, message, text
 from controller.runtime import children, inverter_line
 from controller.runtime.inverter_line import LineError
 
@@ -38,7 +38,7 @@ class Job:
 class Inverter(Protocol):
     """What is asked and ordered."""
 
-    def exchange(self, wanted: Wanted, /) -> Reported: ...
+    def exchange(self, wanted: Commanded, /) -> Reported: ...
 
 
 def main(job: Job) -> None:
@@ -52,7 +52,7 @@ def main(job: Job) -> None:
         _inverter(job.spindle, modbus, job.simulated),
         lambda: not asked.yes,
         lambda error: _tell(
-            said("inverter.silent", port=modbus.port, station=modbus.station, why=str(error))
+            message("inverter.silent", port=modbus.port, station=modbus.station, why=str(error))
         ),
     )
 
@@ -63,11 +63,11 @@ def _inverter(spindle: Spindle, modbus: Modbus, simulated: bool) -> Inverter:
 
         return simulation.inverter(spindle, time.monotonic)
     watchdog = inverter_profiles.load(modbus.profile).watchdog
-    _tell(said("inverter.watchdog", port=modbus.port, watchdog=watchdog))
+    _tell(message("inverter.watchdog", port=modbus.port, watchdog=watchdog))
     return inverter_line.opened(modbus)
 
 
-def _tell(what: Said) -> None:
+def _tell(what: Message) -> None:
     """For the journal."""
     with contextlib.suppress(OSError):  # nobody may be there to read it
         print(text(what), file=sys.stderr, flush=True)
@@ -82,7 +82,7 @@ def serve(
     """
     heard, heard_s, answers = 0, time.monotonic(), True
     while going():
-        wanted, count = slot.wanted()
+        wanted, count = slot.commanded()
         now_s = time.monotonic()
         if count != heard:
             heard, heard_s = count, now_s
@@ -98,9 +98,9 @@ def serve(
             answers = False
             time.sleep(AGAIN_S)
     with contextlib.suppress(LineError):
-        inverter.exchange(_stopped(slot.wanted()[0]))
+        inverter.exchange(_stopped(slot.commanded()[0]))
 
 
-def _stopped(wanted: Wanted) -> Wanted:
+def _stopped(wanted: Commanded) -> Commanded:
     """Nobody's order: to stop."""
-    return Wanted(resets=wanted.resets)
+    return Commanded(resets=wanted.resets)

@@ -17,13 +17,13 @@ from collections.abc import Callable, Sequence
 
 from drives import bus
 from drives.log.frame_log import FrameLog
-from drives.ports.hub_protocol import MOST_FRAMES, TIMED, TIMES_FRAME
+from drives.ports.hub_protocol import MAX_FRAMES, TIMED, TIMES_FRAME
 from drives.settings import BusSettings
 
 EVERYTHING = ((0, 0),)  # identifier, mask
 SO_TIMESTAMPNS = 35
 STAMP = struct.Struct("qq")
-PACKET_BYTES = MOST_FRAMES * TIMED.size
+PACKET_BYTES = MAX_FRAMES * TIMED.size
 LOOK_MS = 50
 GATHERED_MS = 200  # where hubs alone are heard, which gather frames themselves
 GATHER_S = 0.010  # frames come in bursts; to be woken for each would cost the machine's processes time

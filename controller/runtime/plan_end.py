@@ -27,7 +27,7 @@ from controller.machine import arrangement as arranged
 from controller.machine import machine_file
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
-from controller.messages import said, text
+from controller.messages import message, text
 from controller.plan.path.path import Chain, Pause
 from controller.plan.planner import Planner
 from controller.program.program import ProgramError
@@ -44,7 +44,7 @@ REST_TURN_S = 0.05  # where all is sent and nothing moves; an order is heard at 
 # bring the frames of serial and USB adapters: at -10 they wait 10 ms for a core that they share with a plan.
 NICE = -5
 SWITCH_S = 0.001  # the keepalive gets its turn so soon while a chain is planned
-STOPPED = said("startup.homing_stopped")
+STOPPED = message("startup.homing_stopped")
 TELL_S = 2.0  # the tick takes requests with every turn
 COME_UP_S = 150.0  # longer than the tick itself waits for a drive to home
 
@@ -131,7 +131,7 @@ class PlanEnd:
         """The newest snapshot, waiting for the first. Raises SessionError when the tick is gone."""
         while (now := self._board.read()) is None:
             if self.alone:
-                raise SessionError(said("startup.tick_ended"))
+                raise SessionError(message("startup.tick_ended"))
             time.sleep(PLAN_TURN_S)
         return now
 
@@ -161,14 +161,14 @@ class PlanEnd:
                 break
             except BlockingIOError:
                 if time.monotonic() > give_up_s:
-                    raise SessionError(said("startup.tick_takes_none")) from None
+                    raise SessionError(message("startup.tick_takes_none")) from None
                 time.sleep(PLAN_TURN_S)
             except OSError:  # it is gone, which others tell
                 break
         try:
             arranged.save(self._kept, self._machine, found)
         except OSError as error:
-            print(text(said("cli.drives.not_kept", folder=self._kept, why=error)), file=sys.stderr)
+            print(text(message("cli.drives.not_kept", folder=self._kept, why=error)), file=sys.stderr)
 
     def _ask(self, request: Request, value: float, wanted: Mode) -> Came:
         """Raises SessionError where somebody stopped the homing."""

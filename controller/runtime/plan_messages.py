@@ -15,14 +15,14 @@ from controller.geometry.curves import ArcLength
 from controller.ipc.handoff import Snapshot
 from controller.machine.changes import Change
 from controller.machine.model import Joints, Machine
-from controller.messages import Said, said
+from controller.messages import Message, message
 from controller.plan.planner import Touch
 from controller.plan.report.passing import place_of
 from controller.plan.restart.program_position import LinePart, Spot, part_at
 from controller.plan.timetable import Passed, Timetable
 from controller.program.modal import State, power_on
 from controller.program.program import Changing
-from controller.state.modes import Fault, Mode, told
+from controller.state.modes import Fault, Mode, fault_message
 
 POWER_ON = power_on()
 
@@ -80,7 +80,7 @@ class Turn:
 
 
 @dataclass(frozen=True, slots=True)
-class Way:
+class MotionFacts:
     """What a motion is, for those who look on."""
 
     end: Joints
@@ -143,12 +143,12 @@ class News:
     finished: bool = True  # all of the path has been sent
     left: State | None = None  # the modal state after all of the program, once that has been read
     whole: bool = False  # ... and nothing of it was dropped or refused
-    refusal: Said | None = None  # why it ends before its end; the machine stands before that block
+    refusal: Message | None = None  # why it ends before its end; the machine stands before that block
     tool: int | None = None  # to which the program has changed, as far as it is read
     aside: bool = False  # the tool stands off the path, and must return before the program goes on
     returning: bool = False  # it is on its way back, or held there
     checking: float | None = None  # share of the program's lines that are checked
-    ways: dict[int, Way] = field(default_factory=dict)  # motions that were sent since, by their id
+    ways: dict[int, MotionFacts] = field(default_factory=dict)  # motions that were sent since, by their id
     changes: dict[int, tuple[int, ...]] = field(default_factory=dict)  # tools asked for since, by their line
     marks: tuple[Changing, ...] = ()  # stops of a tool changer, read since
     turns: tuple[Turn, ...] = ()  # since the last news
@@ -162,7 +162,7 @@ class News:
 # A plan is made for the machine as it stands. A stop, a jog or a fault between the order and the
 # tick's next look makes it void; whoever waits for it would wait for nothing.
 
-TAKEN_S = 120.0  # for the first window to be planned and taken
+TAKEN_TIMEOUT_S = 120.0  # for the first window to be planned and taken
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,7 +179,7 @@ class Awaited:
     def of(cls, order: Order, now: Snapshot) -> Awaited:
         """``now``: what was planned from."""
         mode = Mode.READY if order.verb == "arm" else Mode.HOLD
-        return cls(order.number, now.accepted, mode, _queue(now), time.monotonic() + TAKEN_S)
+        return cls(order.number, now.accepted, mode, _queue(now), time.monotonic() + TAKEN_TIMEOUT_S)
 
     def taken(self, now: Snapshot) -> bool:
         return now.accepted > self.before
@@ -199,10 +199,14 @@ def _queue(now: Snapshot) -> tuple[int, Joints]:
 
 def _refused(key: str, mode: str = "") -> tuple[Any, ...]:
     """As the error of an answer."""
-    return "refused", said(key, mode=mode, request=""), mode, ""
+    return "refused", message(key, mode=mode, request=""), mode, ""
 
 
 def _by_now(now: Snapshot) -> tuple[Any, ...]:
     """The mode that the machine has come to; of a fault with which, and what to do."""
     mode = now.mode.name
-    return _refused("by_now", mode) if now.fault is Fault.NONE else ("refused", told(now.fault), mode, "")
+    return (
+        _refused("by_now", mode)
+        if now.fault is Fault.NONE
+        else ("refused", fault_message(now.fault), mode, "")
+    )

@@ -19,9 +19,9 @@ from controller.plan.stretch import Chain, Pause, Stretch
 from controller.plan.timetable import Timetable
 from controller.program.carried import InForce
 from controller.program.modal import State
-from controller.program.program import Act, Aside, Block, Changing, Message, Select
+from controller.program.program import Act, Aside, Block, Changing, OperatorMessage, Select
 from controller.runtime import children
-from controller.runtime.plan_messages import POWER_ON, Announcement, News, Turn, Way
+from controller.runtime.plan_messages import POWER_ON, Announcement, MotionFacts, News, Turn
 
 FORESEES_S = 0.5  # of queue: with less the planner is about to be asked, and nothing else is done
 MAX_KNOWN = 100_000  # stretches whose tool is remembered: more than are ever read ahead
@@ -58,7 +58,7 @@ class PathNotes:
         begun = spot.fraction if spot is not None and spot.motion_id >= 0 else 0.0
         for item in items:
             if inside:
-                self._heard = deque(one for one in self._heard if not isinstance(one, Message))
+                self._heard = deque(one for one in self._heard if not isinstance(one, OperatorMessage))
                 inside = isinstance(item, Pause) or (item.first_id or 0) >= ENTRY_ID
             if isinstance(item, Chain):
                 number = number if item.first_id is None else item.first_id
@@ -102,7 +102,7 @@ class PathNotes:
         """
         while self._heard and self._heard[0].place.order <= order:
             one = self._heard.popleft()
-            if isinstance(one, Message):
+            if isinstance(one, OperatorMessage):
                 self._said.append(Announcement(one.text, motion_id, line))
             elif isinstance(one, Select):
                 self._said.append(Announcement("", motion_id, line, tool=one.tool))
@@ -130,7 +130,7 @@ class PathNotes:
             del self._known[next(iter(self._known))]
         return fresh
 
-    def way(self, stretch: Stretch) -> Way:
+    def way(self, stretch: Stretch) -> MotionFacts:
         """For those who look on."""
         motion = stretch.motion
         tool, lines = self._known.get(id(stretch), (None, ()))
@@ -138,7 +138,7 @@ class PathNotes:
         shown = (stretch.end, stretch.feed_mm_s, stretch.name, tool, state)
         arc = motion.arc if isinstance(motion, SurfaceCut) and stretch.cutting else None
         steps, states = stretch.feed_steps, self._states(lines)
-        return Way(*shown, motion.end, arc, steps, lines, states, stretch.share)
+        return MotionFacts(*shown, motion.end, arc, steps, lines, states, stretch.share)
 
     def _states(self, lines: Sequence[LinePart]) -> tuple[tuple[float, State], ...]:
         """Of a motion of several lines: from which s on which modal state is in force."""

@@ -16,7 +16,7 @@ from typing import Any
 from controller.ipc.handoff import Snapshot
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
-from controller.messages import of_error, said, text
+from controller.messages import message, of_error, text
 from controller.plan import waits
 from controller.plan.foresight import Foresight, twice
 from controller.plan.off_path import Back
@@ -118,7 +118,7 @@ class Planning:
         except ProgramError as error:
             self._parent.send(Answer(order.number, error=("bad", error.placed)))
         except GivenUp:
-            self._parent.send(Answer(order.number, error=("refused", said("given_up", verb=order.verb))))
+            self._parent.send(Answer(order.number, error=("refused", message("given_up", verb=order.verb))))
         except NotPossible as error:
             self._parent.send(Answer(order.number, error=("refused", error.said)))
         except EXPECTED as error:
@@ -187,7 +187,7 @@ class Planning:
         program, now = _program(order), self._end.snapshot()
         rest = self._checks.rest(program, self._checks.stored(program))
         off = beside(rest, now.actual, kinematics_of(program.machine))
-        return {"said": said("beside", **asdict(off)) if off is not None else None}
+        return {"said": message("beside", **asdict(off)) if off is not None else None}
 
     def _retract(self, order: Order) -> None:
         """Off along the tool axis; with ``program``, another tool was fitted meanwhile."""
@@ -275,7 +275,7 @@ class Planning:
 
 def _program(order: Order) -> Program:
     if order.program is None:
-        raise SessionError(said("startup.no_program"))
+        raise SessionError(message("startup.no_program"))
     return order.program
 
 

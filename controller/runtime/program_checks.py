@@ -67,7 +67,7 @@ class ProgramChecks:
             "passed_s": passed_s(kept.marks, here) if here else 0.0,
             "offset": self._offset(program),
             "timetable": self._timetable_from_here(program, kept),
-            "restart": entry_state.told(rest) if rest else [],
+            "restart": entry_state.messages(rest) if rest else [],
             "notes": [note.facts for note in kept.notes[:MAX_NOTES]],
             "verdict": checked.verdict_of(kept, most=0),  # the job is reported many times a second
         }

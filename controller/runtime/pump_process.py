@@ -22,7 +22,7 @@ from drives.ports.port import Port
 from drives.pump import process
 from drives.pump.player import beat_every
 from drives.pump.process import BusJob, Job
-from drives.texts import said
+from drives.texts import message
 
 READY_S = 30.0  # for it to be there, the end of the one before it included
 END_S = 1.0  # for the end of its plan, at rest; then it is killed
@@ -73,12 +73,14 @@ class PumpProcess:
             return granted
         busy = self._process.poll() == process.CLAIMED
         self.end()
-        raise BusError(said("bus.pump_busy" if busy else "bus.no_pump", buses=self._buses))
+        raise BusError(message("bus.pump_busy" if busy else "bus.no_pump", buses=self._buses))
 
     def ended(self) -> BusError | None:
         """How it has ended, if it has."""
         return (
-            BusError(said("bus.pump_gone", buses=self._buses)) if self._process.poll() is not None else None
+            BusError(message("bus.pump_gone", buses=self._buses))
+            if self._process.poll() is not None
+            else None
         )
 
     def end(self) -> None:

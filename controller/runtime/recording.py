@@ -26,7 +26,7 @@ import numpy.typing as npt
 from controller import own_files
 from controller.ipc.handoff import ROW, Recorder, Snapshot, of_axes
 from controller.machine.model import Machine
-from controller.messages import said, text
+from controller.messages import message, text
 from controller.state.fault_table import NOBODY, Sender
 from controller.state.modes import FAULTS, Fault, Mode, sentence
 from controller.state.record_files import TRACE
@@ -96,7 +96,7 @@ class Facts:
         """For the operator: the axis, what happened, what its drive said, what to do."""
         spoken = next((words for words in self.emergencies if words), "")
         whole = sentence(self.fault, self.axis_off or self.axis, sender=self.sender)
-        return f"{whole} {text(said('recording.drive_said', words=spoken))}" if spoken else whole
+        return f"{whole} {text(message('recording.drive_said', words=spoken))}" if spoken else whole
 
 
 def _emergencies(machine: Machine, logs: Logs) -> Iterator[str]:
@@ -179,7 +179,7 @@ class Keeper:
         try:
             self.saved = self.save(now if fault is None else now._replace(fault=fault, fault_axis=-1))
         except OSError as error:
-            self.problem = text(said("recording.not_written", folder=self._base, why=error))
+            self.problem = text(message("recording.not_written", folder=self._base, why=error))
 
     def save(self, now: Snapshot) -> Path:
         """Save what was before this snapshot, named by its fault; any thread may. Raises OSError."""
@@ -188,10 +188,10 @@ class Keeper:
         return save(self._base, self._machine, facts, rows, self._logs)
 
     @property
-    def told(self) -> str:
-        """Where the recording lies, or why there is none; to be put behind the fault's sentence."""
+    def location_text(self) -> str:
+        """Where the recording lies, or why there is none; to be put after the fault's sentence."""
         if self.saved:
-            return " " + text(said("recording.lies", folder=self.saved))
+            return " " + text(message("recording.lies", folder=self.saved))
         return f" {self.problem}" if self.problem else ""
 
 

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from controller import npz
 from controller.machine import machine_file
 from controller.machine.model import Kind
-from controller.messages import DEFAULT, Key, Said, plain, said, text
+from controller.messages import DEFAULT, Key, Message, message, plain, text
 from controller.runtime import events
 from controller.runtime.setpoints import ACTUAL, SETPOINTS, counts_per_unit
 from controller.state.live_state import FIELDS, Field
@@ -42,10 +42,10 @@ class Column(NamedTuple):
 
     values: Array
     unit: str
-    meaning: Said | str  # words where it is read from a file that has them
+    meaning: Message | str  # words where it is read from a file that has them
 
-    def told(self, language: str) -> str:
-        """Its meaning in words."""
+    def meaning_text(self, language: str) -> str:
+        """The meaning of its values, in words of a language."""
         return text(plain(self.meaning), language)
 
 
@@ -66,7 +66,7 @@ class NoRecord(Exception):
     """What a file is not, or cannot be read without: ``said`` in full."""
 
     def __init__(self, key: str, **values: object) -> None:
-        self.said = said(f"records.{key}", **values)
+        self.said = message(f"records.{key}", **values)
         super().__init__(text(self.said))
 
 
@@ -130,7 +130,7 @@ def _named(names: tuple[str, ...], rows: Array, machine: str) -> dict[str, Colum
                 named = f"{value.column}.{axes[i].name}"
                 found[named] = Column(_typed(values, field), unit, _part(value.column, axes[i].name))
             else:
-                found[name] = Column(_typed(values, field), value.unit, said(f"column.{name}"))
+                found[name] = Column(_typed(values, field), value.unit, message(f"column.{name}"))
     return found
 
 
@@ -141,9 +141,9 @@ def _typed(values: Array, field: Field) -> Array:
     return values != 0.0 if field.type is bool else values.astype(np.int64)
 
 
-def _part(name: str, part: str) -> Said:
+def _part(name: str, part: str) -> Message:
     """The meaning of what is of one axis, or of one part of a vector."""
-    return said("column.part", meaning=Key(f"column.{name}"), part=part)
+    return message("column.part", meaning=Key(f"column.{name}"), part=part)
 
 
 OF_TRACE = {  # and their units; positions of axes have their own
@@ -172,7 +172,7 @@ def _columns_of(trace: traces.Trace) -> Iterator[tuple[str, Column]]:
     for name, unit in OF_TRACE.items():
         values = getattr(trace, name)
         if values.ndim == 1:
-            yield name, Column(values, unit, said(f"column.trace.{name}"))
+            yield name, Column(values, unit, message(f"column.trace.{name}"))
             continue
         of_axes = name.startswith("joint_")
         for i, part in enumerate(trace.axes if of_axes else "XYZ"):
@@ -201,7 +201,7 @@ def write(record: Record, path: Path, language: str = DEFAULT) -> None:
     arrow = needed()
     fields = []
     for name, one in record.columns.items():
-        told = {"unit": one.unit, "meaning": one.told(language)}
+        told = {"unit": one.unit, "meaning": one.meaning_text(language)}
         fields.append(arrow.field(name, arrow.from_numpy_dtype(one.values.dtype), True, told))
     facts = {"kind": record.kind, "period_s": repr(record.period_s), "machine": record.machine}
     schema = arrow.schema(fields, {f"{PREFIX}{name}": fact for name, fact in facts.items()})

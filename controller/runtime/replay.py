@@ -21,7 +21,7 @@ import numpy.typing as npt
 
 from controller.ipc.handoff import BRAKED, COLUMN, PLAYED, PieceMessage, Snapshot, of_axes
 from controller.machine.model import Machine
-from controller.messages import said
+from controller.messages import message
 from controller.plan.off_path import Back
 from controller.plan.planner import Planner
 from controller.plan.restart.program_position import Spot
@@ -245,7 +245,7 @@ class _Repetition:
     def _ended(self, first: int, skips_before: int, ticks: int) -> Run:
         """What came of it; of the rows those that were recorded."""
         bench, modes = self._bench, self._bench.cycle.modes
-        rows = bench.kept_rows()
+        rows = bench.recorded_rows()
         rows = rows[np.cumsum(rows[:, COLUMN["sync_sent"]]) <= ticks]
         stopped = bool(np.any(rows[:, COLUMN["mode"]] == Mode.STOPPING))
         result = {
@@ -263,7 +263,7 @@ def _unprobed(items: Iterable[Chain | Pause]) -> Iterator[Chain | Pause]:
     for item in items:
         if isinstance(item, Pause) and item.probe is not None:
             line, column = item.place.line, item.place.column
-            raise ProgramError("replay", line, column, said("probing.no_replay", code=item.probe.code))
+            raise ProgramError("replay", line, column, message("probing.no_replay", code=item.probe.code))
         yield item
 
 

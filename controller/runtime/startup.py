@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from controller.ipc.handoff import Arrangement, Outcome, Snapshot
 from controller.machine import machine_file
 from controller.machine.model import Machine
-from controller.messages import Said, TextError, said, several
+from controller.messages import Message, TextError, message, several
 from controller.state import stop_times
 from controller.state.modes import Fault, Mode, Request
 from drives import commission
@@ -46,19 +46,19 @@ def arrangement(machine: Machine, found: Sequence[Arranged]) -> Arrangement:
     return Arrangement(stop_times.quick_stop_s(machine, found), units.get("spindle", 1.0), axes)
 
 
-def no_start(machine: Machine, interlock: Fault, untrusted: int) -> Said | None:
+def no_start(machine: Machine, interlock: Fault, untrusted: int) -> Message | None:
     """Why a start is refused; None where nothing of the machine forbids it."""
     if interlock is not Fault.NONE:
-        return said("startup.barred", fault=_fault(interlock))
+        return message("startup.barred", fault=_fault(interlock))
     if untrusted:
         names = " ".join(axis.name for i, axis in enumerate(machine.axes) if untrusted >> i & 1)
-        return said("startup.not_homed", axes=names)
+        return message("startup.not_homed", axes=names)
     return None
 
 
-def _fault(fault: Fault) -> Said:
+def _fault(fault: Fault) -> Message:
     """What it is, and what to do."""
-    return several(said(f"fault.{fault.name}"), said(f"remedy.{fault.name}"))
+    return several(message(f"fault.{fault.name}"), message(f"remedy.{fault.name}"))
 
 
 class StartUp:
@@ -79,7 +79,7 @@ class StartUp:
         self._arranged = arranged
         self._nodes = machine_file.node_settings(machine)
 
-    def commission(self) -> list[Said]:
+    def commission(self) -> list[Message]:
         """Write and read back every node's settings and start it. Raises CommissionError.
 
         What is to be said of everything that is accepted although sheet or drive speak against it.
@@ -87,11 +87,13 @@ class StartUp:
         master, nodes = machine_file.master_settings(self._machine), machine_file.all_settings(self._machine)
         rates = {bus.name: bus.bit_rate for bus in self._machine.buses}
         found: list[Arranged] = []
-        warnings: list[Said] = []
+        warnings: list[Message] = []
         for name, network in self._networks.items():
             its = [node for node in nodes if node.bus == name]
             for done in commission.commission(network, its, master, bit_rate=rates[name]):
-                warnings += [said("sentence", text=commission.of_drive(done, one)) for one in done.warnings]
+                warnings += [
+                    message("sentence", text=commission.of_drive(done, one)) for one in done.warnings
+                ]
                 if done.arranged is not None:
                     found.append(done.arranged)
         self._arranged(tuple(found))
@@ -136,4 +138,4 @@ class StartUp:
                 break
         if mode is not wanted or fault is not Fault.NONE:
             modes = {"wanted": wanted.name, "request": request.name, "mode": mode.name}
-            raise SessionError(said("startup.not_become", fault=_fault(fault), **modes))
+            raise SessionError(message("startup.not_become", fault=_fault(fault), **modes))

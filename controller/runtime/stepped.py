@@ -64,7 +64,7 @@ KEEPALIVE_EVERY = 16  # turns of it
 IDLE_TICKS = 100  # at rest with nothing to do, while the planner has had many turns: nothing will come
 DRAIN_EVERY = 4096  # ticks between two looks at the recorder
 STANDING_WORDS = (Request.HOLD, Request.RESUME, Request.STOP)
-PATIENCE_S = 10.0  # beyond the tick's own for enabling or homing, which tells more
+WAIT_TIMEOUT_S = 10.0  # beyond the tick's own for enabling or homing, which tells more
 # Looked up every tick, and an enum's members are slow to look up.
 _RUNNING: Final = Mode.RUNNING
 _HOLD: Final = Mode.HOLD
@@ -239,7 +239,7 @@ class SteppedMachine:
     def tick(self) -> None:
         self._loop.tick()
         if self._keeper is not None and (self.cycle.modes.mode is _FAULT or self._keeper.saved):
-            self._kept()
+            self._is_recorded()
         if self._observer is not None:
             self._observer.look()
 
@@ -254,7 +254,7 @@ class SteppedMachine:
         self._reacts = acts
         return self.contour
 
-    def _kept(self) -> bool:
+    def _is_recorded(self) -> bool:
         """Whether nothing is left to be recorded of a fault."""
         now = self.board.read()
         return self._keeper is None or now is None or self._keeper.look(now)
@@ -272,7 +272,7 @@ class SteppedMachine:
         # SDO has let time pass on the bus alone.
         self._offset_s = self.rig.now_s - self.clock.now_s()
         number = self.request(request, value)
-        longest_s = stop_times.ENABLE_S + stop_times.HOMING_S + PATIENCE_S
+        longest_s = stop_times.ENABLE_S + stop_times.HOMING_S + WAIT_TIMEOUT_S
         for _ in range(round(longest_s / self.machine.period_s)):
             self.tick()
             now = self.board.read()
@@ -328,7 +328,7 @@ class SteppedMachine:
             if not self.stands(waiting) and not self._at_program_stop(events, n):
                 continue
             if self.cycle.modes.mode is Mode.HOLD:
-                asked = self._was_asked(events, n)
+                asked = self._is_operator_hold(events, n)
                 if self._goes_on(waiting, asked):
                     continue
                 if not asked:
@@ -385,7 +385,7 @@ class SteppedMachine:
                 self._held |= asked[0] is Request.HOLD
                 self.request(*asked)
 
-    def kept_rows(self) -> Rows:
+    def recorded_rows(self) -> Rows:
         """All since ``begin_rows``."""
         self._drain()
         if self.contour is not None:
@@ -416,7 +416,7 @@ class SteppedMachine:
     def _at_program_stop(self, events: Sequence[Event], n: int) -> bool:
         """At M0 the plan itself is at rest: a resume that is assumed costs no time."""
         held = self.cycle.modes.mode is _HOLD and not self.cycle.follow.stopping
-        return held and not self._was_asked(events, n)
+        return held and not self._is_operator_hold(events, n)
 
     def _between_steps(self) -> bool:
         """Whether it is a stop of the tool changer, which no operator has to resume."""
@@ -432,7 +432,7 @@ class SteppedMachine:
         if changer is None or not self._between_steps():
             return
         for step in changer.prepare:
-            if told := changer.told(step, 1):
+            if told := changer.output_word(step, 1):
                 self.request(Request.PREPARE, told)
 
     def _goes_on(self, waiting: Sequence[Event], asked: bool) -> bool:
@@ -457,7 +457,7 @@ class SteppedMachine:
         else:
             self.request(event.request, event.value)
 
-    def _was_asked(self, events: Sequence[Event], n: int) -> bool:
+    def _is_operator_hold(self, events: Sequence[Event], n: int) -> bool:
         """Whether this standstill is an operator's hold, and not a program stop."""
         if self.cycle.modes.fault is not Fault.NONE or self._held:
             return True  # a door, for example: nobody resumes that by himself
@@ -474,11 +474,11 @@ class SteppedMachine:
         axis = self.machine.axis_off(modes.fault_axis, now.fault_off if now is not None else 0.0)
         sender = NOBODY if now is None else Sender(now.chatter_id, now.chatter_per_s)
         told = sentence(modes.fault, axis, modes.warning, sender=sender)
-        return told + (self._keeper.told if self._keeper else "")
+        return told + (self._keeper.location_text if self._keeper else "")
 
     def stand_still(self) -> None:
         """After a fault the drives' own way to standstill belongs to what is kept of it, or looked at."""
-        while not (self._kept() and (self._observer is None or self._observer.settled)):
+        while not (self._is_recorded() and (self._observer is None or self._observer.settled)):
             self.tick()
 
     def _ended(self, first: int, resumes: int, left: int, events: Sequence[Event], n: int) -> Run:
@@ -492,7 +492,7 @@ class SteppedMachine:
         else:
             stopped = any(e.request is Request.STOP and e.tick < n for e in events)
             result = "stopped" if stopped and not self.planner.finished_path else "completed"
-        rows = self.kept_rows()
+        rows = self.recorded_rows()
         if result == "completed":
             rows = rows[: _end_of_program(rows) + 1]
         return Run(

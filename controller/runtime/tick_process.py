@@ -19,7 +19,7 @@ from controller.ipc.inverter_slot import InverterSlot
 from controller.ipc.piece_socket import PACKETS_PER_S, PieceInbox
 from controller.machine import machine_file
 from controller.machine.model import Machine
-from controller.messages import chain, said, text
+from controller.messages import chain, message, text
 from controller.runtime import children, cores, cyclic, pump_process
 from controller.runtime.children import Job
 from controller.tick import loop
@@ -86,10 +86,10 @@ def main(job: Job) -> None:
 
 def lacking(granted: real_time.Granted, simulated: bool) -> str:
     """What a tick has to do without, in a sentence for the journal; "" where a simulated one bears it."""
-    missing = [said(f"privilege.{name}") for name, given in granted.items() if not given]
+    missing = [message(f"privilege.{name}") for name, given in granted.items() if not given]
     if simulated or not missing:
         return ""
-    return text(said("privilege.missing", names=chain("comma", missing)))
+    return text(message("privilege.missing", names=chain("comma", missing)))
 
 
 def _patience_s(machine: Machine) -> float:

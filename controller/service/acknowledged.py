@@ -15,7 +15,7 @@ from typing import Protocol
 from controller.ipc.control_socket import Answer, CommandRefused, Values
 from controller.ipc.handoff import Outcome, Snapshot
 from controller.machine.model import Machine
-from controller.messages import Key, Said
+from controller.messages import Key, Message
 from controller.service.refusals import by_fault, by_now, refused
 from controller.state import modes
 from controller.state.modes import Fault, Request
@@ -124,7 +124,7 @@ def why_refused(machine: Machine, now: Snapshot, number: int, request: Request) 
     return CommandRefused("refused", said, now.mode.name, request.name) if said else by_now(now, request.name)
 
 
-def refusal(machine: Machine, now: Snapshot, request: Request) -> Said | None:
+def refusal(machine: Machine, now: Snapshot, request: Request) -> Message | None:
     """Why the machine as it is refuses a request; None where it does not."""
     return modes.refusal(
         now.mode,

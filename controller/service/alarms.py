@@ -18,11 +18,11 @@ from typing import Any
 from controller import atomic_file, own_files, sealed_file
 from controller.ipc.handoff import Snapshot
 from controller.machine.model import Machine
-from controller.messages import Said, said
+from controller.messages import Message, message
 from controller.service import kept_file
 from controller.service.refusals import refused
 from controller.state.fault_table import NOBODY, Sender
-from controller.state.modes import FAULTS, Fault, told
+from controller.state.modes import FAULTS, Fault, fault_message
 
 FILE = "alarms.jsonl"
 RESERVE = "reserve"
@@ -45,7 +45,7 @@ class Alarms:
         self._write_all()
         self._put_by()
 
-    def add(self, name: str, what: Said, **more: Any) -> dict[str, Any]:
+    def add(self, name: str, what: Message, **more: Any) -> dict[str, Any]:
         """A new alarm; the disk being full does not stop the machine from telling it."""
         with self._lock:
             alarm = {
@@ -125,7 +125,7 @@ class Alarms:
             atomic_file.write(self._file, "".join(lines))
 
 
-def _read(file: Path) -> tuple[list[dict[str, Any]], Said | None]:
+def _read(file: Path) -> tuple[list[dict[str, Any]], Message | None]:
     """What is sound of the file, and what an alarm says of the rest; the last line may be cut short."""
     try:
         lines = own_files.read_bytes(file).splitlines(keepends=True)
@@ -160,9 +160,9 @@ def of(
     return {
         "name": fault.name,
         "axis": machine.axis_off(axis) or None,
-        **told(fault, name, also, sender),
-        "cause": said(f"cause.{fault.name}"),
-        "remedy": said(f"remedy.{fault.name}"),
+        **fault_message(fault, name, also, sender),
+        "cause": message(f"cause.{fault.name}"),
+        "remedy": message(f"remedy.{fault.name}"),
         "recovery": row.recovery.name.lower(),
         "position_trusted": row.position_trusted,
     }

@@ -87,6 +87,8 @@ def spindle(handlers: HandlerContext, values: Values) -> Answer:
     rev_min = number(values, "rev_min", -machine.spindle.max_rev_min, machine.spindle.max_rev_min)
     if rev_min and not machine.may_turn(tool):
         raise refused("spindle_must_stand", tool=tool)
+    if abs(rev_min) > (most := machine.max_rev_min(tool)):
+        raise refused("spindle_too_fast", speed=abs(rev_min), tool=tool, most=most)
     return handlers.ask(Request.SPINDLE, rev_min, rev_min=rev_min)
 
 

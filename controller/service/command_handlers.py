@@ -13,7 +13,7 @@ from controller.commands.arguments import ArgumentError
 from controller.commands.command import Command
 from controller.commands.table import COMMANDS, ENDS, Request
 from controller.ipc.control_socket import Answer, CommandRefused, Values
-from controller.messages import said
+from controller.messages import message
 from controller.service import (
     at_once,
     diagnostics,
@@ -76,7 +76,7 @@ def _read(command: Command, args: Values) -> Values:
     try:
         return command.read(args)
     except ArgumentError as error:
-        raise CommandRefused("bad", said(error.key, **error.values)) from error
+        raise CommandRefused("bad", message(error.key, **error.values)) from error
 
 
 # ---- what a command does. One that is in neither table is a request to the tick, its argument the value
@@ -93,7 +93,7 @@ def _buses(service: Service, _: Values) -> Values:
 AT_ONCE: dict[str, Callable[[HandlerContext, Values], Answer]] = {
     "status": lambda handlers, _: whole_status.status(handlers.service),
     "facts": lambda handlers, _: whole_status.facts(handlers.service),
-    "probed": lambda handlers, _: {"found": handlers.service.probed.told()},
+    "probed": lambda handlers, _: {"found": handlers.service.probed.to_json()},
     "drives": lambda handlers, _: _drives(handlers.service),
     "alarms": lambda handlers, _: {"alarms": handlers.service.alarms.list()},
     "load": job_commands.load,
@@ -130,12 +130,12 @@ ERRANDS: dict[str, Callable[[Service, Values], Values]] = {  # they wait for a d
     "runs": lambda service, _: {"runs": runs.list_runs(service.state)},
     "rows": lambda service, values: diagnostics.rows(service.engine.recorder, values),
     "buses": _buses,
-    "usage": lambda service, _: service.usage.told(),
+    "usage": lambda service, _: service.usage.to_json(),
     "tool_life": lambda service, values: usage.tool_life(service.usage, values),
     "tool_renewed": lambda service, values: usage.tool_renewed(service.usage, values),
     "maintenance": lambda service, values: usage.maintenance(service.usage, values),
     "maintained": lambda service, values: usage.maintained(service.usage, values),
-    "changer": lambda service, _: tool_places.told(service),
+    "changer": lambda service, _: tool_places.to_json(service),
     "changer_confirm": tool_places.confirm,
     "changer_pocket": tool_places.give_pocket,
 }

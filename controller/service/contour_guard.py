@@ -19,7 +19,7 @@ from controller.machine.model import Machine
 from controller.plan.restart.program_position import ENTRY_ID
 from controller.runtime.contour_error import Demand, demand
 from controller.runtime.contour_watch import ContourWatch, Excess, reaction
-from controller.runtime.plan_messages import Way
+from controller.runtime.plan_messages import MotionFacts
 from controller.service import alarms
 from controller.service.alarms import Alarms
 from controller.service.engine import Engine
@@ -50,7 +50,7 @@ class ContourGuard:
         self._watch, self._first, self._last = ContourWatch(machine, self._demand), None, None
         self._axes = [axis.name for axis in machine.axes]
 
-    def hear(self, ways: Mapping[int, Way], machine: Machine) -> None:
+    def hear(self, ways: Mapping[int, MotionFacts], machine: Machine) -> None:
         """The plan has sent some more motions; ``machine``: with its tools."""
         for number, way in ways.items():
             if way.feed_mm_s is not None:

@@ -27,7 +27,7 @@ NEWER = 64  # rows that the tick may write while the older ones are counted
 MEASURED_S = 1.0
 MAX_TICK = 2**53  # whole numbers of JSON end there
 SHARES = (0.0, 0.02, 0.05, 0.1, 0.15, 0.2, LATE_SHARE, 0.5, 1.0, 2.0)  # of the period
-NEAR = 0.9  # of the share that the machine file allows a bus: from here on it is nearly full
+NEARLY_FULL_SHARE = 0.9  # of the share that the machine file allows a bus: from here on it is nearly full
 
 
 def rows(recorder: Recorder | None, args: Mapping[str, Any]) -> Values:
@@ -82,7 +82,7 @@ def buses(machine: Machine, logs: Mapping[str, FrameLog], recorder: Recorder | N
     found = [_bus(bus, machine, budget, logs.get(bus.name)) for bus, budget in _budgeted(machine)]
     most = machine.max_bus_share
     late_ticks = lateness(late, machine.period_s)
-    return {"buses": found, "max_share": most, "near_share": NEAR * most, "lateness": late_ticks}
+    return {"buses": found, "max_share": most, "near_share": NEARLY_FULL_SHARE * most, "lateness": late_ticks}
 
 
 def _budgeted(machine: Machine) -> list[tuple[Bus, BusBudget]]:

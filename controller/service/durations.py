@@ -14,13 +14,13 @@ from pathlib import Path
 from typing import Any
 
 from controller import sealed_file
-from controller.messages import Said
+from controller.messages import Message
 from controller.plan.timetable import Event
 from controller.service import kept_file
 
 FILE = "durations.json"
 KEPT = 9  # of each wait the last so many
-MOST = 2000  # waits that are known by name
+MAX_NAMES = 2000  # waits that are known by name
 
 
 class Durations:
@@ -36,7 +36,7 @@ class Durations:
         self._usual = {name: statistics.median(took) for name, took in self._known.items()}
         self._changed = False
 
-    def _read(self, own: bool) -> tuple[dict[str, list[float]], Said | None]:
+    def _read(self, own: bool) -> tuple[dict[str, list[float]], Message | None]:
         missing = dict[str, list[float]]()
         if own:
             return kept_file.read(self._file, _taken, missing)
@@ -59,7 +59,7 @@ class Durations:
             took = [*self._known.pop(name, ()), round(seconds, 4)][-KEPT:]
             self._known[name] = took
             self._usual[name] = statistics.median(took)
-            if len(self._known) > MOST:
+            if len(self._known) > MAX_NAMES:
                 del self._usual[next(iter(self._known))], self._known[next(iter(self._known))]
             self._changed = True
 

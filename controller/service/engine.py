@@ -40,7 +40,7 @@ from controller.ipc.handoff import (
     send_request,
 )
 from controller.machine.model import Bus, Machine
-from controller.messages import said
+from controller.messages import message
 from controller.runtime import children
 from controller.runtime.children import Child, Job
 from controller.runtime.plan_messages import News
@@ -323,7 +323,7 @@ def _wait_for_hub(hub: Child, path: Path) -> None:
     give_up_s = time.monotonic() + HUB_S
     while not path.exists():
         if not hub.is_alive() or time.monotonic() > give_up_s:
-            raise SessionError(hub.last_words() or said("startup.no_bus"))
+            raise SessionError(hub.last_words() or message("startup.no_bus"))
         time.sleep(POLL_S)
 
 

@@ -13,7 +13,7 @@ from typing import Any
 
 from controller.ipc.handoff import Snapshot
 from controller.machine.model import Machine
-from controller.messages import Said, several
+from controller.messages import Message, several
 from controller.runtime.recording import Keeper
 from controller.service import alarms as alarm_values
 from controller.service.alarms import Alarms
@@ -81,11 +81,11 @@ class Troubles:
         self._told_before = None
 
     @property
-    def said(self) -> Said | None:
-        """What the present fault says."""
-        return _said(self.shown) if self.shown is not None else None
+    def message(self) -> Message | None:
+        """The message of the present fault."""
+        return _message(self.shown) if self.shown is not None else None
 
-    def tick_gone(self, now: Snapshot, words: str) -> Said:
+    def tick_gone(self, now: Snapshot, words: str) -> Message:
         """The drives stop by themselves; what the last ticks were is kept. What is said of it."""
         gone = Fault.CONTROLLER_GONE
         shown = {**alarm_values.of(self._machine, gone, -1), "recording": None}
@@ -93,7 +93,7 @@ class Troubles:
         if (keeper := self._keeper) is not None:
             keeper.keep(now, gone)
             self._pay(self._owed, keeper.saved)
-        return _said(shown)
+        return _message(shown)
 
     def _of(self, now: Snapshot) -> dict[str, Any]:
         known = alarm_values.of(
@@ -148,7 +148,7 @@ class Troubles:
         """An alarm out of a fault, with the last words of a process."""
         left_out = ("name", "key", "values", "recording")
         entry = {name: value for name, value in shown.items() if name not in left_out}
-        what = several(_said(shown), words) if words else _said(shown)
+        what = several(_message(shown), words) if words else _message(shown)
         alarm = self._alarms.add(shown["name"], what, **entry, **alarm_values.where(now))
         if not self._owed:
             self._first = now._replace(fault=fault)
@@ -160,5 +160,5 @@ def _sender(now: Snapshot) -> Sender:
     return Sender(now.chatter_id, now.chatter_per_s)
 
 
-def _said(shown: dict[str, Any]) -> Said:
-    return Said(key=shown["key"], values=shown["values"])
+def _message(shown: dict[str, Any]) -> Message:
+    return Message(key=shown["key"], values=shown["values"])

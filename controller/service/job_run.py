@@ -13,7 +13,7 @@ from typing import Any
 
 from controller.ipc.handoff import Snapshot
 from controller.machine.changes import Change
-from controller.messages import Said, said
+from controller.messages import Message, message
 from controller.program import modal
 from controller.program.modal import State
 from controller.runtime.plan_messages import News, Program
@@ -39,7 +39,9 @@ class JobRun:
         self.loaded: Job | None = None
         self.job: Job | None = None  # that one, or an MDI line, from start to end
         self.interrupted = interrupted  # until a program is loaded
-        self.ended_early: Said | None = None  # of the last run, until somebody has seen it or another begins
+        self.ended_early: Message | None = (
+            None  # of the last run, until somebody has seen it or another begins
+        )
         self.last: LastRun | None = None  # that under way, or the last; of this service
         self.modal = ModalState(service.set_up.machine)
         self._contour = ContourGuard(service.alarms, service.engine)
@@ -116,7 +118,7 @@ class JobRun:
             self.recorder.started(start, job)
             self.job = job
 
-    def not_started(self, job: Job, why: Said) -> None:
+    def not_started(self, job: Job, why: Message) -> None:
         """It is as it was loaded, and what it was to run with is in force no more.
 
         Where the operator would not have it started, nothing is to be put right before the next start.
@@ -133,7 +135,7 @@ class JobRun:
         if record is not None:
             record.throw_away()
 
-    def end(self, result: str, why: Said | None = None) -> None:
+    def end(self, result: str, why: Message | None = None) -> None:
         """Nothing where none runs."""
         service, set_up = self._service, self._service.set_up
         with self.lock:
@@ -191,7 +193,7 @@ class JobRun:
             fed = self.job.take_rows(rows, set_up.machine.period_s) if self.job is not None else ()
             usage.take(rows, set_up.tool, now.spindle_actual_rev_min != 0.0, fed)
             for key, values in usage.due():
-                self._service.alarms.add(key.upper(), said(key, **values))
+                self._service.alarms.add(key.upper(), message(key, **values))
             self._contour.take(rows, set_up.machine, now)
             self.recorder.take(rows, engine, engine.snapshot())
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from controller.ipc.handoff import Snapshot
-from controller.messages import Key, Said, facts, said
+from controller.messages import Key, Message, facts, message
 from controller.program import linked
 from controller.service.jobs import INTERRUPTED, MDI, Job, settles_s
 from controller.service.journal import Entry
@@ -61,11 +61,11 @@ def interrupted(entry: Entry) -> dict[str, Any]:
         "duration_s": entry.duration_s,
         "elapsed_s": entry.elapsed_s,
         **Left(entry.left_s)._asdict(),
-        **said("interrupted", program=job.name, line=spot.line),
+        **message("interrupted", program=job.name, line=spot.line),
     }
 
 
-def ended_early(job: Job, result: str, why: Said | None) -> Said | None:
+def ended_early(job: Job, result: str, why: Message | None) -> Message | None:
     """What a run that did not come to its end leaves to be read; None of one that did."""
     if result == "completed":
         return None
@@ -74,8 +74,8 @@ def ended_early(job: Job, result: str, why: Said | None) -> Said | None:
     spot = job.program.spot  # where it goes on, or begins, as long as it is on the way there
     line = job.last.line if job.last is not None and job.last.line else spot.line if spot is not None else 1
     if why is None:
-        return said("ended.stopped", program=program, line=line)
-    return said("ended.why", program=program, line=line, why=why)
+        return message("ended.stopped", program=program, line=line)
+    return message("ended.why", program=program, line=line, why=why)
 
 
 def typed_text(job: Job) -> str | None:

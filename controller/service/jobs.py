@@ -15,7 +15,7 @@ from controller.ipc.control_socket import CommandRefused
 from controller.ipc.handoff import COLUMN, Snapshot
 from controller.machine.changes import Change
 from controller.machine.model import Joints, Machine, Tool
-from controller.messages import Said, said
+from controller.messages import Message, message
 from controller.motion.pieces import STANDSTILL
 from controller.plan.report.passing import Mark, passed_s
 from controller.plan.restart.program_position import ENTRY_ID, Spot
@@ -24,7 +24,7 @@ from controller.plan.waits import ramp_s
 from controller.program import carried, linked, probing_cycles
 from controller.program.modal import State
 from controller.program.program import refused_on_the_way
-from controller.runtime.plan_messages import Announcement, News, Program, Way
+from controller.runtime.plan_messages import Announcement, MotionFacts, News, Program
 from controller.runtime.starts import Start
 from controller.service import journal
 from controller.service.durations import Durations
@@ -53,11 +53,11 @@ class Motions:
     """By their number, until they are passed."""
 
     def __init__(self) -> None:
-        self.ways: dict[int, Way] = {}
+        self.ways: dict[int, MotionFacts] = {}
         self._fed: set[int] = set()  # those at feed
         self._passed = 0  # motions before this one are no more among ``_fed``
 
-    def hear(self, ways: dict[int, Way]) -> None:
+    def hear(self, ways: dict[int, MotionFacts]) -> None:
         """Some more have been sent."""
         self.ways.update(ways)
         self._fed.update(number for number, way in ways.items() if way.feed_mm_s is not None)
@@ -70,7 +70,7 @@ class Motions:
         self._passed = max(self._passed, first)
         return {number for number in fed if number < ENTRY_ID}
 
-    def under_way(self, motion_id: int) -> Way | None:
+    def under_way(self, motion_id: int) -> MotionFacts | None:
         """That one; those of the program that lie behind it are forgotten."""
         passed = motion_id if motion_id < ENTRY_ID else 0  # an entry, and a way aside, lie beside it
         for old in [name for name in list(self.ways) if 0 <= name < passed]:
@@ -174,7 +174,7 @@ class Job:
     blocks: int | None = None
     notes: list[dict[str, Any]] = field(default_factory=list)
     verdict: dict[str, Any] | None = None  # on the form of its surfaces
-    restart: list[Said] = field(default_factory=list)  # the state at the place where it begins
+    restart: list[Message] = field(default_factory=list)  # the state at the place where it begins
     offset: str | None = None  # by which it moves first
     before_s: float = 0.0  # of a whole run at 100 %, before the place where this one begins
     # As it was started last:
@@ -188,7 +188,7 @@ class Job:
     motions: Motions = field(default_factory=Motions)
     announced: Announced = field(default_factory=Announced)
     news: News = field(default_factory=News)
-    said: Said | None = None  # why it ended, or was not loaded
+    said: Message | None = None  # why it ended, or was not loaded
     taken: bool = False  # the tick has begun with it
     refused: bool = False  # a block on the way was; the tool stands before it
     lost: bool = False  # the plan that knew the rest of it is gone
@@ -253,7 +253,7 @@ class Job:
 
     # -- what becomes of it
 
-    def become(self, state: str, why: Said | None = None) -> None:
+    def become(self, state: str, why: Message | None = None) -> None:
         """``why``: it ended, or was not loaded."""
         self.state, self.said = state, why
 
@@ -265,7 +265,7 @@ class Job:
         """What another plan tells is not of it."""
         self.lost = True
 
-    def refuse_rest(self, refusal: Said) -> Said:
+    def refuse_rest(self, refusal: Message) -> Message:
         """The tool stands at a block that was refused; what is said of that."""
         self.refused, self.said = True, refused_on_the_way(refusal)
         return self.said
@@ -316,7 +316,7 @@ class Job:
             return self.state
         return _STATES.get(now.mode, self.state)
 
-    def asked_tool(self, now: Snapshot, in_spindle: int) -> int | None:
+    def awaited_tool(self, now: Snapshot, in_spindle: int) -> int | None:
         """Number of the tool that it stands and waits for."""
         waits = self.active and now.mode is Mode.HOLD and now.at_rest
         return self.announced.awaited_tool(now.line, in_spindle) if waits else None
@@ -325,10 +325,10 @@ class Job:
         """Since the start, without what it was held."""
         return max(0.0, now.plan_time_s - self.origin_s) + self.time.stood_s
 
-    def known(self, motion_id: int, s: float) -> journal.Known:
+    def known(self, motion_id: int, s: float) -> journal.RunProgress:
         """Of a place, for the journal."""
         place, way = self.motions.place(motion_id, s, self.time.marks), self.motions.ways.get(motion_id)
-        return journal.Known(
+        return journal.RunProgress(
             self.motions.fraction(motion_id, s),
             passed_s(self.time.marks, place) if place else None,
             self.duration_s,
@@ -349,12 +349,12 @@ def settles_s(job: Job, now: Snapshot) -> float:
     return ramp_s(machine.spindle, now.spindle_actual_rev_min, told)
 
 
-def bars_the_next(job: Job, result: str) -> Said | None:
+def bars_the_next(job: Job, result: str) -> Message | None:
     """Why it is not started again as it was: the next part is not one whose beginning has been cut."""
     spot = job.program.spot
     if result != "completed" or job.entry is None or spot is None:
         return None
-    return said("gone_on_over", program=job.program.name, line=spot.line)
+    return message("gone_on_over", program=job.program.name, line=spot.line)
 
 
 def journalled(job: Job, now: Machine) -> journal.Job:

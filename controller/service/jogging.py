@@ -34,7 +34,7 @@ class JogError(Exception):
 
     def __init__(self, key: str, **values: object) -> None:
         """``key``: of the catalogue's text."""
-        self.said = messages.said(key, **values)
+        self.said = messages.message(key, **values)
         super().__init__(messages.text(self.said))
 
 

@@ -30,7 +30,7 @@ from controller import sealed_file
 from controller.ipc.handoff import COLUMN, Snapshot
 from controller.machine.model import REFERENCES, Joints, Machine
 from controller.machine.offset_table import FIXTURES, KEPT_OFFSETS, OFFSETS
-from controller.messages import Key, Said, chain, said, text
+from controller.messages import Key, Message, chain, message, text
 from controller.plan.restart.program_position import AFTER_CHANGE, ENTRY_ID, FORMER, Spot
 from controller.program import carried
 from controller.service import kept_file
@@ -99,7 +99,7 @@ class Entry:
     change: tuple[int, int, int] | None = None
 
     @property
-    def wanted(self) -> int:
+    def required_tool(self) -> int:
         """Number of the tool with which the program goes on."""
         return self.tool if self.change is None else self.change[1]
 
@@ -114,7 +114,7 @@ class Entry:
         return None if self.passed_s is None or not self.duration_s else self.duration_s - self.passed_s
 
 
-class Known(NamedTuple):
+class RunProgress(NamedTuple):
     """Of a place: the fraction of its line, and of a whole run at 100 % what is before it, and all of it."""
 
     fraction: float = 0.0
@@ -124,9 +124,9 @@ class Known(NamedTuple):
     in_block: dict[str, Any] | None = None  # what the motion was, the share of it that was done, and u
 
 
-def unknown(motion_id: int, s: float) -> Known:
+def unknown(motion_id: int, s: float) -> RunProgress:
     """Of a place that nobody knows more of."""
-    return Known()
+    return RunProgress()
 
 
 def sha256(data: bytes) -> str:
@@ -154,7 +154,7 @@ def write(entry: Entry, file: Path) -> None:
     sealed_file.write(file, {"format": FORMAT, **asdict(entry), "spot": list(entry.spot)})
 
 
-def read(file: Path) -> tuple[Entry | None, Said | None]:
+def read(file: Path) -> tuple[Entry | None, Message | None]:
     """The entry, or the one before it where that is damaged, and what an alarm says then."""
     return kept_file.read(file, _entry, None)
 
@@ -179,14 +179,14 @@ def _entry(values: Any) -> Entry:
 # --- whether a restart may be offered
 
 
-def refusal(entry: Entry | None, now: Job, homed: int, untrusted: int, axes: int) -> Said | None:
+def refusal(entry: Entry | None, now: Job, homed: int, untrusted: int, axes: int) -> Message | None:
     """Why the program is not gone on with; None where a restart may be offered.
 
     ``now``: the same program on the machine as it is now; ``homed`` and ``untrusted``: bit
     masks of the ``axes`` axes. A changed tool is no reason: the rest is cut as the new one does it.
     """
     if entry is None or entry.ended:
-        return said("not_interrupted")
+        return message("not_interrupted")
     then = entry.job
     changed = [
         name
@@ -199,9 +199,9 @@ def refusal(entry: Entry | None, now: Job, homed: int, untrusted: int, axes: int
     ]
     if changed:
         what = chain("and", [Key(name) for name in changed])
-        return said("changed", program=then.name, line=entry.spot.line, what=what)
+        return message("changed", program=then.name, line=entry.spot.line, what=what)
     if homed != (1 << axes) - 1 or untrusted:
-        return said("lost", program=then.name, line=entry.spot.line)
+        return message("lost", program=then.name, line=entry.spot.line)
     return None
 
 
@@ -233,8 +233,8 @@ class Journal:
         self._job: Job | None = None
         self._tool = 1
         self._seen: Spot | None = None  # the last place on the program
-        self._known = Known()  # of it
-        self._recent: deque[tuple[float, Spot, Known]] = deque()
+        self._known = RunProgress()  # of it
+        self._recent: deque[tuple[float, Spot, RunProgress]] = deque()
         self._written_s = float("-inf")
         self._ran = False
         self.problem = ""
@@ -244,15 +244,15 @@ class Journal:
 
     def begin(self, job: Job, tool: int = 1, spot: Spot | None = None) -> None:
         """A program is started, or gone on with at ``spot``; the file stays as it is until it moves."""
-        self._job, self._tool, self._seen, self._known = job, tool, spot, Known()
+        self._job, self._tool, self._seen, self._known = job, tool, spot, RunProgress()
         self._recent.clear()
         self._written_s, self._ran = float("-inf"), False
 
-    def why_not(self, machine: Machine, homed: int, untrusted: int) -> Said | None:
+    def why_not(self, machine: Machine, homed: int, untrusted: int) -> Message | None:
         """As ``refusal``, of the last entry and its own program on a machine as it is now."""
         entry, known = self.last, self._here
         if entry is None:
-            return said("not_interrupted")
+            return message("not_interrupted")
         if known is None or known[0].job is not entry.job or known[1] is not machine:
             here = Job.of(entry.job.name, b"", machine, entry.job.start, entry.job.dry_run_mm)
             known = entry, machine, replace(here, program_sha256=entry.job.program_sha256)
@@ -289,7 +289,7 @@ class Journal:
         self,
         now: Snapshot,
         rows: Callable[[int], Rows],
-        known: Callable[[int, float], Known] = unknown,
+        known: Callable[[int, float], RunProgress] = unknown,
     ) -> None:
         """Call it with every new snapshot.
 
@@ -326,7 +326,7 @@ class Journal:
             self._ran = False
             self._write(last, *self._recent[0][1:], False, False)
 
-    def _run(self, now: Snapshot, known: Callable[[int, float], Known]) -> None:
+    def _run(self, now: Snapshot, known: Callable[[int, float], RunProgress]) -> None:
         at_s, self._ran = self._clock(), True
         if _is_programs(now.motion_id):
             self._see(now.line, now.motion_id, now.s, known)
@@ -339,7 +339,7 @@ class Journal:
             self._write(now, *self._recent[0][1:], False, False)
 
     def _stand(
-        self, now: Snapshot, rows: Callable[[int], Rows], known: Callable[[int, float], Known]
+        self, now: Snapshot, rows: Callable[[int], Rows], known: Callable[[int, float], RunProgress]
     ) -> None:
         """The very place; after a stop the tick has forgotten it, but not its recorder."""
         if _is_programs(now.motion_id):
@@ -351,11 +351,11 @@ class Journal:
                 self._see(int(row[COLUMN["line"]]), number, float(row[COLUMN["s"]]), known)
                 return
 
-    def _see(self, line: int, motion_id: int, s: float, known: Callable[[int, float], Known]) -> None:
+    def _see(self, line: int, motion_id: int, s: float, known: Callable[[int, float], RunProgress]) -> None:
         self._known = known(motion_id, s)
         self._seen = Spot(line, self._known.fraction, motion_id, s)
 
-    def _write(self, now: Snapshot, spot: Spot, known: Known, exact: bool, ended: bool) -> None:
+    def _write(self, now: Snapshot, spot: Spot, known: RunProgress, exact: bool, ended: bool) -> None:
         assert self._job is not None
         entry = Entry(
             self._job,
@@ -375,7 +375,7 @@ class Journal:
             write(entry, self._file)
             self.problem = ""
         except OSError as error:
-            self.problem = text(said("journal_unwritten", file=self._file, why=error))
+            self.problem = text(message("journal_unwritten", file=self._file, why=error))
 
 
 def _is_programs(motion_id: int) -> bool:

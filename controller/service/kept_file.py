@@ -13,14 +13,14 @@ from typing import Any, TypeVar
 
 from controller import own_files, sealed_file
 from controller.machine.toml_table import ConfigError
-from controller.messages import Said, of_error, said
+from controller.messages import Message, message, of_error
 
 ALARM = "FILE_DAMAGED"
 WRONG = (*sealed_file.UNREADABLE, ConfigError)
 T = TypeVar("T")
 
 
-def read(file: Path, taken: Callable[[Any], T], missing: T) -> tuple[T, Said | None]:
+def read(file: Path, taken: Callable[[Any], T], missing: T) -> tuple[T, Message | None]:
     """What ``taken`` makes of a file's values, else of the generation before, which then is the file's, else
     ``missing``; and what an alarm says where it is not the first.
     """
@@ -35,25 +35,25 @@ def read(file: Path, taken: Callable[[Any], T], missing: T) -> tuple[T, Said | N
         own_files.put_aside(earlier)
         return missing, put_aside(file, why)
     at = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(at_s))
-    return values, said("file_before", file=file, why=why, aside=_replaced(file, plain), at=at)
+    return values, message("file_before", file=file, why=why, aside=_replaced(file, plain), at=at)
 
 
-def read_newest(file: Path, taken: Callable[[Any], T], missing: T, unknown: Any) -> tuple[T, Said | None]:
+def read_newest(file: Path, taken: Callable[[Any], T], missing: T, unknown: Any) -> tuple[T, Message | None]:
     """Likewise of what is wrong where it is not the newest: instead of the generation before, and from then
     on in the file, there is ``unknown``, as a file has it.
     """
     values, why = _newest(file, taken, missing)
     if why is None:
         return values, None
-    return taken(unknown), said("file_damaged", file=file, why=why, aside=_replaced(file, unknown))
+    return taken(unknown), message("file_damaged", file=file, why=why, aside=_replaced(file, unknown))
 
 
-def _newest(file: Path, taken: Callable[[Any], T], missing: T) -> tuple[T, Said | None]:
+def _newest(file: Path, taken: Callable[[Any], T], missing: T) -> tuple[T, Message | None]:
     """What ``taken`` makes of the newest generation, and None; or ``missing`` and why it is not to be had."""
     try:
         return taken(sealed_file.read(file)), None
     except FileNotFoundError:
-        return missing, said("sealed.gone") if sealed_file.before(file).exists() else None
+        return missing, message("sealed.gone") if sealed_file.before(file).exists() else None
     except WRONG as error:
         return missing, of_error(error)
 
@@ -74,7 +74,7 @@ def _replaced(file: Path, values: Any) -> str:
     return aside.name if aside is not None else "-"
 
 
-def put_aside(file: Path, why: Exception | Said | str) -> Said:
+def put_aside(file: Path, why: Exception | Message | str) -> Message:
     """Gives a file that cannot be read another name; what an alarm says of it."""
     aside = own_files.put_aside(file)
-    return said("file_damaged", file=file, why=why, aside=aside.name if aside else "-")
+    return message("file_damaged", file=file, why=why, aside=aside.name if aside else "-")

@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from controller.ipc.control_socket import Values
-from controller.messages import Said, facts
+from controller.messages import Message, facts
 
 NOT_STARTED = "not_started"  # result of a run that was being prepared, and moved nothing
 
@@ -20,7 +20,7 @@ class LastRun(NamedTuple):
     program: str
     result: str | None = None
     line: int | None = None
-    said: Said | None = None
+    said: Message | None = None
 
     def to_json(self) -> Values:
         return {"id": self.id, "program": self.program, "result": self.result, "line": self.line} | facts(

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from controller.ipc import control_socket
 from controller.machine.model import Machine
-from controller.messages import said
+from controller.messages import message
 from controller.runtime import children
 from controller.runtime.startup import SessionError
 from controller.service import engine, pendant, sequences, whole_status
@@ -44,7 +44,7 @@ def run(
     if simulate:
         machine = engine.simulated(machine)
     elif any(bus.interface == "virtual" for bus in machine.buses):
-        raise SessionError(said("startup.no_drives", name=machine.name))
+        raise SessionError(message("startup.no_drives", name=machine.name))
     asked = children.Asked()
     control = control_socket.control_path(runtime)
     with (

@@ -16,7 +16,7 @@ from collections.abc import Iterator, Mapping
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
-from controller.messages import Key, Said, said
+from controller.messages import Key, Message, message
 from controller.service import kept_file
 from controller.service.jobs import INTERRUPTED, UNDER_WAY
 from controller.state.modes import TOOL_CHANGE
@@ -28,7 +28,7 @@ ENDED_EARLY = ("stopped", "fault", INTERRUPTED)  # a job that may be gone on wit
 class Step(NamedTuple):
     """What is told, and what can be done about it."""
 
-    said: Said
+    said: Message
     verb: str = ""
     args: Mapping[str, Any] = MappingProxyType({})
     place: str = ""
@@ -77,26 +77,26 @@ def _steps(status: Status) -> Iterator[Step]:
 
 
 def _wait(key: str, **values: object) -> Step:
-    return Step(said(f"next.{key}", **values), waits=True)
+    return Step(message(f"next.{key}", **values), waits=True)
 
 
 def _by_hand(key: str, place: str = "", **values: object) -> Step:
-    return Step(said(f"next.{key}", **values), place=place)
+    return Step(message(f"next.{key}", **values), place=place)
 
 
 def _press(key: str, verb: str, args: dict[str, Any] | None = None, **values: object) -> Step:
-    return Step(said(f"next.{key}", **values), verb, args or {})
+    return Step(message(f"next.{key}", **values), verb, args or {})
 
 
-def _notice(status: Status, name: str) -> Said | None:
+def _notice(status: Status, name: str) -> Message | None:
     found = next((one for one in status["notices"] or () if one["name"] == name), None)
-    return Said(key=found["key"], values=found["values"]) if found is not None else None
+    return Message(key=found["key"], values=found["values"]) if found is not None else None
 
 
-def _fault_words(status: Status) -> Said:
+def _fault_words(status: Status) -> Message:
     fault = status["fault"]
-    remedy: Said | None = fault.get("remedy") if fault else None
-    return remedy or said("no_tick")
+    remedy: Message | None = fault.get("remedy") if fault else None
+    return remedy or message("no_tick")
 
 
 def _barred(status: Status) -> Iterator[Step]:
@@ -123,7 +123,7 @@ def _running(status: Status) -> Iterator[Step]:
         yield _wait("waits_spindle" if spindle.get("at_speed") is False else "waits_others")
     for notice in status["notices"] or ():
         if notice["name"].startswith("QUEUE_") or notice["name"] == "PLAN_SILENT":
-            yield _wait("notice", notice=Said(key=notice["key"], values=notice["values"]))
+            yield _wait("notice", notice=Message(key=notice["key"], values=notice["values"]))
     yield _wait("running", program=(status["job"] or {}).get("name") or "")
 
 
@@ -136,7 +136,7 @@ def _held(status: Status) -> Iterator[Step]:
     yield from _barred(status)
     yield from _off_the_path(status)
     if change := status["tool_change"] or status["spindle_change"]:
-        yield _press("notice", "resume", notice=Said(key=change["key"], values=change["values"]))
+        yield _press("notice", "resume", notice=Message(key=change["key"], values=change["values"]))
     if status["fault"]:
         yield _press("hold_fault", "resume", remedy=_fault_words(status))
     if (status["changer"] or {}).get("held"):
@@ -163,11 +163,11 @@ def _off_the_path(status: Status) -> Iterator[Step]:
         yield _press("return" if why["key"] == "aside" else "other_tools", "return")
 
 
-def _failed(status: Status, name: str) -> Said | None:
+def _failed(status: Status, name: str) -> Message | None:
     """Why the last piece of work of that name came to nothing, where nothing was done since."""
     sequence = status["sequence"] or {}
     failed = sequence.get("state") == "failed" and sequence.get("name") == name and sequence.get("key")
-    return Said(key=sequence["key"], values=sequence["values"]) if failed else None
+    return Message(key=sequence["key"], values=sequence["values"]) if failed else None
 
 
 # ---- at rest
@@ -184,7 +184,7 @@ def _at_rest(status: Status) -> Iterator[Step]:
         why = _failed(status, "power up") or _failed(status, "reset")
         yield _press("commission" if why is None else "not_commissioned", "reset", why=why or "–")
     if (doubt := _notice(status, "CHANGER_IN_DOUBT")) is not None:
-        yield Step(said("next.changer", doubt=doubt), "changer_confirm", place="changer")
+        yield Step(message("next.changer", doubt=doubt), "changer_confirm", place="changer")
     yield from _barred(status)
     yield from _out_of_thread(status)
     if status["not_homed"]:
@@ -218,13 +218,13 @@ def _ready(status: Status, job: Mapping[str, Any]) -> Iterator[Step]:
         yield _wait("loading", program=name)
     of_it = not job or (state in ENDED_EARLY and job["sha256"] == offer.get("sha256"))
     if of_it and (tool := offer.get("fetch")):
-        other = Said(key=offer["key"], values=offer["values"])
+        other = Message(key=offer["key"], values=offer["values"])
         yield _press("restart_tool", "mdi", {"text": f"T{tool} M6"}, why=other)
     if of_it and offer["offered"]:
-        yield Step(said("next.restart", offer=offer["says"]), "load", {"restart": True}, "restart")
+        yield Step(message("next.restart", offer=offer["says"]), "load", {"restart": True}, "restart")
     if not job or state == INTERRUPTED or job.get("text") is not None:
         yield _by_hand("choose", "programs")
-    why = Said(key=job["key"], values=job["values"]) if job.get("key") else None
+    why = Message(key=job["key"], values=job["values"]) if job.get("key") else None
     if state == "refused" or (state == "loaded" and why is not None):
         yield _by_hand("refused", "programs", program=name, why=why or "–")
     if state == "completed" and why is not None:
@@ -233,7 +233,7 @@ def _ready(status: Status, job: Mapping[str, Any]) -> Iterator[Step]:
     if starts and job.get("restart") and status["changer"] and starts["values"]["tool"] != status["tool"]:
         tool = starts["values"]["tool"]
         which = {"found": status["tool"] or 0, "wanted": tool, "program": name}
-        other = said("offer.other_tool" if status["tool"] else "offer.no_tool", **which)
+        other = message("offer.other_tool" if status["tool"] else "offer.no_tool", **which)
         yield _press("restart_tool", "mdi", {"text": f"T{tool} M6"}, why=other)
     key = "again" if state in ("completed", *ENDED_EARLY) else "start"
     yield _press(key, "start", program=name, what=starts or name)

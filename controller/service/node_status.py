@@ -8,7 +8,7 @@ from typing import Any
 
 from controller.machine import machine_file
 from controller.machine.model import Machine, Temperature
-from controller.messages import Key, Said, said
+from controller.messages import Key, Message, message
 from controller.state.live_state import DriveRow, Snapshot
 from controller.state.modes import Mode
 from drives import emergency_codes, pdo
@@ -111,8 +111,8 @@ def _drive(
     )
 
 
-def _emergency(code: int) -> Said:
+def _emergency(code: int) -> Message:
     """A code by its text, or its class's."""
     known = emergency_codes.listed(code)
     what = Key("emcy.unlisted" if known is None else f"emcy.{known:04X}")
-    return said("emcy", code=f"{code:04X}", what=what)
+    return message("emcy", code=f"{code:04X}", what=what)

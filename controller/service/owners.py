@@ -14,7 +14,7 @@ from controller.ipc.control_socket import CommandRefused
 from controller.machine import setup_data, tool_store
 from controller.machine.model import Changer, Machine
 from controller.machine.tool_store import ToolStore
-from controller.messages import Said
+from controller.messages import Message
 from controller.runtime.bus_load import overload
 from controller.runtime.plan_messages import News
 from controller.runtime.startup import SessionError
@@ -99,9 +99,9 @@ class Owners:
             self.alarms.add(kept_file.ALARM, store.damaged)
         return made
 
-    def _worn(self, tool: int) -> Said | None:
+    def _worn(self, tool: int) -> Message | None:
         """What is told before a tool comes whose life is over; None of any other."""
-        return self.usage.said_worn("change_worn", tool, self.set_up.tool_numbers)
+        return self.usage.worn_message("change_worn", tool, self.set_up.tool_numbers)
 
     def _save_usage(self, at_once: bool = False) -> None:
         """Counters that cannot be kept are kept later."""

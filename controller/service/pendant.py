@@ -50,7 +50,7 @@ STOPS = ("hold", "stop", "estop")
 DEAD_ZONE = 0.15  # of a stick's way: none comes back to its very middle
 AGAIN_S = 0.07  # between two requests of a jog
 OPEN_S = 1.0  # between two attempts to find the device
-ANSWER_S = 0.5
+ANSWER_TIMEOUT_S = 0.5
 FULL = (-32768, 32767)  # of a stick that does not say how far it goes
 _ABSINFO = struct.Struct("6i")
 _ASK_ABS = 0x80184540  # EVIOCGABS(0)
@@ -282,7 +282,7 @@ def following(settings: Settings | None, control: Path) -> Iterator[None]:
     ended = threading.Event()
 
     def wait_and_follow() -> None:
-        client = Client(control, ANSWER_S)
+        client = Client(control, ANSWER_TIMEOUT_S)
         while not ended.is_set():
             with contextlib.suppress(OSError):
                 device = os.open(settings.device, os.O_RDONLY | os.O_CLOEXEC)

@@ -18,7 +18,7 @@ from typing import Any
 
 from controller import own_files, sealed_file
 from controller.machine.model import Machine
-from controller.messages import Said
+from controller.messages import Message
 from controller.plan.planner import Touch
 from controller.runtime import touch_table
 from controller.service import kept_file
@@ -45,7 +45,7 @@ def _taken(kept: Any) -> list[dict[str, Any]]:
     return kept
 
 
-def _of_older(state: Path) -> tuple[list[str], Said | None]:
+def _of_older(state: Path) -> tuple[list[str], Message | None]:
     """Touches that a version before has kept, and what an alarm says where they cannot be read."""
     try:
         return record_files.touches(state), None
@@ -71,7 +71,7 @@ class Probed:
             lines, self.touches_damaged = _of_older(state)
         self._head, *self._touches = lines or [""]
 
-    def told(self) -> list[dict[str, Any]]:
+    def to_json(self) -> list[dict[str, Any]]:
         """Time (s since 1970), program, cycle, values; the newest first."""
         return self._rows[::-1]
 

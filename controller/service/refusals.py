@@ -8,20 +8,20 @@ from typing import Any
 
 from controller.ipc.control_socket import CommandRefused
 from controller.ipc.handoff import Snapshot
-from controller.messages import said
-from controller.state.modes import Fault, told
+from controller.messages import message
+from controller.state.modes import Fault, fault_message
 
 
 def refused(
     key: str, mode: str = "", request: str = "", code: str = "refused", **values: object
 ) -> CommandRefused:
     """The refusal of that key, with what its text has places for; see ``CommandRefused`` for the others."""
-    return CommandRefused(code, said(key, **values, mode=mode, request=request), mode, request)
+    return CommandRefused(code, message(key, **values, mode=mode, request=request), mode, request)
 
 
 def by_fault(fault: Fault, mode: str = "", request: str = "", code: str = "refused") -> CommandRefused:
     """The refusal whose sentence is a row of the fault table."""
-    return CommandRefused(code, told(fault), mode, request)
+    return CommandRefused(code, fault_message(fault), mode, request)
 
 
 def by_now(now: Snapshot, request: str = "") -> CommandRefused:

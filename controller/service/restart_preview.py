@@ -9,7 +9,7 @@ from typing import Any
 from controller import messages
 from controller.ipc.control_socket import CommandRefused
 from controller.machine.model import Machine
-from controller.messages import Said, said, several
+from controller.messages import Message, message, several
 from controller.plan.restart.program_position import AFTER_CHANGE, FORMER, Spot
 from controller.service import jobs, journal
 from controller.service.jobs import Job
@@ -25,9 +25,9 @@ def restart(service: Service) -> dict[str, Any]:
     """
     entry = service.journal.last
     if entry is None or entry.ended:
-        return {"offered": False, **said("not_interrupted")}
+        return {"offered": False, **message("not_interrupted")}
     if (job := service.run.job) is not None and not job.is_mdi:
-        return {"offered": False, **said("running", program=job.program.name)}
+        return {"offered": False, **message("running", program=job.program.name)}
     why = _why_not(service, entry)
     return {
         "offered": why is None,
@@ -41,8 +41,8 @@ def restart(service: Service) -> dict[str, Any]:
         "exact": entry.exact,
         "done": entry.done,
         "left_s": entry.left_s,
-        "tool": entry.wanted,
-        "fetch": entry.wanted if why is not None and why["key"] in OTHER_TOOL else None,
+        "tool": entry.required_tool,
+        "fetch": entry.required_tool if why is not None and why["key"] in OTHER_TOOL else None,
         "mode": entry.mode,
         "fault": None if entry.fault == "NONE" else entry.fault,
         "dry_run_mm": entry.job.dry_run_mm or None,
@@ -53,38 +53,38 @@ def restart(service: Service) -> dict[str, Any]:
 OTHER_TOOL = ("offer.other_tool", "offer.no_tool")
 
 
-def _place(entry: journal.Entry) -> Said:
+def _place(entry: journal.Entry) -> Message:
     """Where it was interrupted."""
     if entry.change is not None:
         out, into, line = entry.change
-        return said("offer.change", program=entry.job.name, line=line, out=out, into=into)
+        return message("offer.change", program=entry.job.name, line=line, out=out, into=into)
     percent = f"{entry.spot.fraction * 100.0:.1f}"
-    return said("offer.place", program=entry.job.name, line=entry.spot.line, percent=percent)
+    return message("offer.place", program=entry.job.name, line=entry.spot.line, percent=percent)
 
 
-def _goes_on(entry: journal.Entry) -> Said:
+def _goes_on(entry: journal.Entry) -> Message:
     """What a restart does."""
     if entry.change is not None:
-        return said("offer.goes_on_after", into=entry.wanted)
-    return said("offer.goes_on_at", tool=entry.wanted)
+        return message("offer.goes_on_after", into=entry.required_tool)
+    return message("offer.goes_on_at", tool=entry.required_tool)
 
 
-def _why_not(service: Service, entry: journal.Entry) -> Said | None:
+def _why_not(service: Service, entry: journal.Entry) -> Message | None:
     """Why a load from there would be refused; None: it would not, as far as can be known before it."""
     why = service.journal.why_not(service.set_up.machine, *_trusted(service))
     return why or _not_with(service, entry)
 
 
-def _not_with(service: Service, entry: journal.Entry) -> Said | None:
+def _not_with(service: Service, entry: journal.Entry) -> Message | None:
     """A changer's tools: nobody knows where they are, or another one is in the spindle."""
     if service.changer is None:
         return None  # by hand it is changed on the way in
     if (doubt := service.changer.doubt) is not None:
         return doubt
-    found, wanted, program = service.set_up.tool, entry.wanted, entry.job.name
+    found, wanted, program = service.set_up.tool, entry.required_tool, entry.job.name
     if found == wanted:
         return None
-    return said(OTHER_TOOL[not found], found=found, wanted=wanted, program=program)
+    return message(OTHER_TOOL[not found], found=found, wanted=wanted, program=program)
 
 
 def _trusted(service: Service) -> tuple[int, int]:

@@ -40,7 +40,7 @@ from controller.ipc.handoff import (
     Outcome,
     Snapshot,
 )
-from controller.messages import Said, reason
+from controller.messages import Message, reason
 from controller.runtime import events
 from controller.runtime.setpoints import TABLES, Table
 from controller.service.engine import Asked
@@ -62,7 +62,7 @@ class RunFile:
         self._lock = threading.Lock()  # nobody closes what is just being told to the disk
         self._kept_bytes = self._lines = 0
         self._is_new = dict.fromkeys((*self._rows.values(), self._events), False)
-        self.problem: Said | str = ""  # why no more is written
+        self.problem: Message | str = ""  # why no more is written
 
     def rows(self, table: Table, data: bytes) -> None:
         """Whole rows of setpoints, or of actual positions."""
@@ -217,8 +217,8 @@ class RowEvents:
         self._led = np.zeros((1, 2))  # likewise: how far the spindle led the axes, and that it had settled
         self._share = 1.0  # likewise: what the load of the spindle left of the feed
 
-    def find_asked(self, rows: Rows, asked: deque[Asked], now: Snapshot | None) -> None:
-        """Requests, as ``RunRecord.take``, and pieces of the plan.
+    def find_requests(self, rows: Rows, asked: deque[Asked], now: Snapshot | None) -> None:
+        """Add requests, as of ``RunRecord.take``, and pieces of the plan.
 
         Numbers rise in the order in which the tick takes them, and a row has the last that it took.
         """
@@ -230,7 +230,7 @@ class RowEvents:
                 one = asked.popleft()
                 refused = now is not None and now.came_of(one.number)[0] is Outcome.REFUSED
                 if one.request in _NAMES and not refused:
-                    self._events.add(at, _asked_line(one))
+                    self._events.add(at, _request_line(one))
         for tick in rows[rows[:, COLUMN["accepted"]] != 0.0, COLUMN["tick"]]:
             self._events.add(int(tick), events.line_of(events.PIECES))
 
@@ -298,7 +298,7 @@ def _changes(values: npt.NDArray[Any], before: float) -> Iterable[int]:
     return np.flatnonzero(np.diff(values, prepend=before)).tolist() if np.any(values != before) else ()
 
 
-def _asked_line(one: Asked) -> dict[str, Any]:
+def _request_line(one: Asked) -> dict[str, Any]:
     """As ``session.events`` reads it."""
     name = _NAMES[one.request]
     if one.jog is not None:

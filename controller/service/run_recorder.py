@@ -11,7 +11,7 @@ from typing import Any
 from controller import messages
 from controller.ipc.handoff import Snapshot
 from controller.machine.model import Machine
-from controller.messages import Said, said
+from controller.messages import Message, message
 from controller.runtime.plan_messages import Turn
 from controller.runtime.starts import Start
 from controller.service.alarms import Alarms
@@ -30,7 +30,7 @@ class RunRecorder:
         """``writer`` ends records; ``save`` is called now and then, for what else changes as it runs."""
         self._state, self._alarms, self._writer, self._save = state, alarms, writer, save
         self.record: RunRecord | None = None
-        self.unrecorded: Said | None = None  # why the run, or the last one, has no whole record
+        self.unrecorded: Message | None = None  # why the run, or the last one, has no whole record
         self._over = threading.Event()
         self._begun = threading.Event()  # a record is, or all is over
         threading.Thread(target=self._sync, name="sync", daemon=True).start()
@@ -78,7 +78,7 @@ class RunRecorder:
         record, self.record = self.record, None
         return record
 
-    def end(self, result: str, planned_s: float | None, why: Said | None, more: Mapping[str, Any]) -> None:
+    def end(self, result: str, planned_s: float | None, why: Message | None, more: Mapping[str, Any]) -> None:
         """The run is over; ``more``: facts that others have."""
         if (record := self.release()) is not None:
             self._writer.submit(record.end, result, planned_s=planned_s, **more, **messages.facts(why))
@@ -92,7 +92,7 @@ class RunRecorder:
         """Once: nothing of a run is kept, or no more of it than until now."""
         if record.problem and self.unrecorded is None:
             name, key = str(record.what.get("name", "")), "record_ended" if record.began else "not_recorded"
-            self.unrecorded = said(key, program=name, why=record.problem)
+            self.unrecorded = message(key, program=name, why=record.problem)
             self._alarms.add("NOT_RECORDED", self.unrecorded)
 
     def _sync(self) -> None:

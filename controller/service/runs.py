@@ -35,7 +35,7 @@ import numpy.typing as npt
 from controller import atomic_file, own_files, sealed_file
 from controller.ipc.handoff import COLUMN, Snapshot, of_axes
 from controller.machine.model import Machine
-from controller.messages import Said, reason, said
+from controller.messages import Message, message, reason
 from controller.runtime import events
 from controller.runtime.plan_messages import Program, Turn
 from controller.runtime.recording import forget_oldest, new_folder
@@ -79,7 +79,7 @@ class RunRecord:
         self._started_s = time.time()
         self._ticks = 0  # that sent a SYNC
         self._busy = (0, -1)  # how many of them belong to the run, and the last tick of it
-        self._problem: Said | str = ""
+        self._problem: Message | str = ""
         self._state = state
         self.folder = state / FOLDER / _stem(str(what.get("name", "")))
         self._file: RunFile | None = None
@@ -90,7 +90,7 @@ class RunRecord:
             self._problem = reason(error)
 
     @property
-    def problem(self) -> Said | str:
+    def problem(self) -> Message | str:
         """Why nothing is kept, or no more of it; empty where all is well."""
         return self._problem or (self._file.problem if self._file is not None else "")
 
@@ -108,7 +108,7 @@ class RunRecord:
         """
         if not len(rows):
             return
-        self._found.find_asked(rows, asked if asked is not None else deque(), now)
+        self._found.find_requests(rows, asked if asked is not None else deque(), now)
         if not self.began:
             going = np.flatnonzero(
                 (rows[:, COLUMN["mode"]] == Mode.RUNNING) | (rows[:, COLUMN["rate"]] > 0.0)
@@ -287,14 +287,14 @@ def _read(state: Path, name: str, file: str) -> dict[str, Any]:
     return {}
 
 
-def put_damaged_aside(state: Path) -> list[Said]:
+def put_damaged_aside(state: Path) -> list[Message]:
     """Ends of runs that cannot be read; what an alarm says of each. Such a run is lost from then on."""
     found = []
     for name in own_files.names(state / FOLDER, state):
         file = state / FOLDER / name / RUN
         if os.path.lexists(file) and not _read(state, name, RUN):
             aside = own_files.put_aside(file, state)
-            found.append(said("record_damaged", file=file, aside=aside.name if aside else "-"))
+            found.append(message("record_damaged", file=file, aside=aside.name if aside else "-"))
             with contextlib.suppress(OSError):
                 if not os.path.lexists(file):
                     _write_facts(file, {**_of_name(name), **_ended(file.parent, state)})

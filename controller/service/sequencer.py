@@ -24,7 +24,7 @@ class Sequence:
 
     name: str
     state: str
-    said: messages.Said | None = None  # why it failed
+    said: messages.Message | None = None  # why it failed
 
     def to_dict(self) -> Values:
         return {"name": self.name, "state": self.state, **messages.facts(self.said)}

@@ -16,7 +16,7 @@ from controller import own_files
 from controller.ipc.control_socket import CommandRefused, Values
 from controller.ipc.handoff import Jog, Outcome, Snapshot
 from controller.machine import setup_data
-from controller.messages import Key, of_error, said
+from controller.messages import Key, message, of_error
 from controller.runtime.starts import Start
 from controller.runtime.startup import SessionError
 from controller.service import restart_preview, runs
@@ -33,7 +33,7 @@ from drives.cia402 import State
 MARGIN_S = 2.0  # on top of what the tick itself waits
 STAND_S = 15.0  # for a stop after a fault
 ASIDE_S = 120.0  # for a way off the path
-TAKEN_S = 5.0  # for a datagram to show its effect
+TAKEN_TIMEOUT_S = 5.0  # for a datagram to show its effect
 SHORT_MM = 1e-3  # less is no shorter way
 
 
@@ -66,7 +66,7 @@ def start_engine(service: Service) -> None:
 def enable(service: Service) -> Values:
     """From OFF to READY; nothing moves. Raises CommandRefused."""
     service.processes.commission()
-    _asked(service, Request.ENABLE)
+    _ask_tick(service, Request.ENABLE)
     now = service.processes.wait_for(
         lambda now: now.mode in (Mode.READY, Mode.FAULT), stop_times.ENABLE_S + MARGIN_S, "enabled"
     )
@@ -77,13 +77,13 @@ def enable(service: Service) -> Values:
 
 def _see_taken(service: Service, number: int, request: Request) -> Snapshot:
     """The first snapshot in which a request is answered. Raises CommandRefused where the tick refused it."""
-    now = service.processes.wait_for(lambda now: now.has_taken(number), TAKEN_S, "answer")
+    now = service.processes.wait_for(lambda now: now.has_taken(number), TAKEN_TIMEOUT_S, "answer")
     if now.came_of(number)[0] is Outcome.REFUSED:
         raise why_refused(service.set_up.machine, now, number, request)
     return now
 
 
-def _asked(service: Service, request: Request) -> Snapshot:
+def _ask_tick(service: Service, request: Request) -> Snapshot:
     """Ask the tick, and see that it takes it. Raises CommandRefused."""
     return _see_taken(service, service.engine.request(request), request)
 
@@ -106,7 +106,7 @@ def home(service: Service, axes: tuple[int, ...], going: Going) -> Values:
 def _disable(service: Service) -> None:
     """A drive changes its mode of operation without torque."""
     if service.processes.now().mode is not Mode.OFF:
-        _asked(service, Request.DISABLE)
+        _ask_tick(service, Request.DISABLE)
     service.processes.wait_for(_off, stop_times.ENABLE_S, "switched_off")
 
 
@@ -130,7 +130,7 @@ def reset(service: Service) -> Values:
         service.processes.wait_for(lambda now: now.at_rest, STAND_S, "standstill")
         now = service.processes.wait_for(lambda _: service.run.job is None, STAND_S, "end_of_run")
         needs = max(FAULTS[now.fault].recovery, FAULTS[now.warning].recovery)
-        _asked(service, Request.RESET)
+        _ask_tick(service, Request.RESET)
         service.run.modal.reset(service.set_up.machine)
         if needs >= Recovery.COMMISSION:
             service.processes.lose_settings()
@@ -260,7 +260,7 @@ def _drop(service: Service) -> None:
         if service.engine.plan_alive:
             service.engine.line.order("drop")
         asked = service.engine.request(Request.STOP)
-        service.processes.wait_for(lambda later: later.has_taken(asked), TAKEN_S, "standstill")
+        service.processes.wait_for(lambda later: later.has_taken(asked), TAKEN_TIMEOUT_S, "standstill")
 
 
 # Whether the disk takes what a run leaves behind: asked before it starts, while nothing is lost yet.
@@ -293,7 +293,7 @@ def lacking(state: Path, needed: int) -> dict[str, Any]:
             _probe(folder, state)
             free = shutil.disk_usage(folder).free
         except OSError as error:
-            return {"why": said("of_place", place=folder, why=error)}
+            return {"why": message("of_place", place=folder, why=error)}
         if free < needed:
             return {
                 "why": Key("little_room"),

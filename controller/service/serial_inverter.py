@@ -10,7 +10,7 @@ from pathlib import Path
 from controller.ipc.inverter_slot import InverterSlot
 from controller.machine.model import Machine
 from controller.machine.spindle import Spindle
-from controller.messages import said
+from controller.messages import message
 from controller.runtime import children, inverter_process
 from controller.runtime.startup import SessionError
 
@@ -55,4 +55,4 @@ def check_packages(machine: Machine) -> None:
     """Raises SessionError where the machine needs an extra that is not installed."""
     by_modbus = machine.spindle is not None and machine.spindle.modbus is not None
     if by_modbus and not machine.is_simulated and importlib.util.find_spec("pymodbus") is None:
-        raise SessionError(said("startup.no_pymodbus"))
+        raise SessionError(message("startup.no_pymodbus"))

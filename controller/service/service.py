@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from controller.machine.model import Machine
-from controller.messages import said
+from controller.messages import message
 from controller.service import jobs
 from controller.service.engine import Engine
 from controller.service.folders import Folders
@@ -28,7 +28,7 @@ class Service(Owners):
         self.engine.end_run()
         self.sequencer.wait()
         self.run.recorder.close()
-        self.run.end(jobs.INTERRUPTED, said("service_ended"))
+        self.run.end(jobs.INTERRUPTED, message("service_ended"))
         self.writer.shutdown(wait=True)
         self._save_usage(at_once=True)
         self.processes.close()

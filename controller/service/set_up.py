@@ -11,7 +11,7 @@ from controller.machine import setup_data
 from controller.machine.changes import Change, laid
 from controller.machine.model import TOOL_AT_POWER_ON, Machine, Tool
 from controller.machine.toml_table import ConfigError
-from controller.messages import of_error, said
+from controller.messages import message, of_error
 from controller.service import kept_file
 from controller.service.alarms import Alarms
 from controller.service.refusals import refused
@@ -63,7 +63,7 @@ class SetUp:
 
     def to_json(self) -> dict[str, Any]:
         """Offsets and tools as they are, and which of them were set here."""
-        return setup_data.told(*self._fitted)
+        return setup_data.to_json(*self._fitted)
 
     def fit(self, machine: Machine, values: dict[str, Any]) -> None:
         """Other offsets or tools from now on. Raises CommandRefused where the disk does not take them."""
@@ -111,7 +111,7 @@ class SetUp:
             self._not_written("TOOL", error)
 
     def _not_written(self, what: str, error: OSError) -> None:
-        self._alarms.add(what, said("not_written", path=self._state, why=error))
+        self._alarms.add(what, message("not_written", path=self._state, why=error))
 
     def with_tools(self, fitted: dict[str, Any], tools: Iterable[Tool]) -> dict[str, Any]:
         """What a program was started with, and what an operator has changed of ``tools`` since."""

@@ -35,7 +35,7 @@ from controller.ipc.control_socket import (
     packed,
     unpacked,
 )
-from controller.messages import said
+from controller.messages import message
 from controller.service.refusals import refused
 
 Handler = Callable[[str, Values], Answer]
@@ -143,7 +143,7 @@ class Server:
         said = unpacked(packet) if len(packet) <= MAX_BYTES else None
         number = _number(said)
         try:
-            answer = self._handler(*_asked(said))
+            answer = self._handler(*_verb_and_args(said))
         except Exception as error:  # one request's own mistake must not close the door for all
             peer.answer(number, error)
             return
@@ -173,7 +173,7 @@ def _number(said: Values | None) -> int | str | None:
     return number if isinstance(number, int | str) else None
 
 
-def _asked(said: Values | None) -> tuple[str, Values]:
+def _verb_and_args(said: Values | None) -> tuple[str, Values]:
     """Verb and arguments of a packet. Raises CommandRefused."""
     if said is None:
         raise refused("no_object", code="bad", most=MAX_BYTES)
@@ -187,7 +187,7 @@ def _listening(path: Path, group: str) -> socket.socket:
     """The socket, readable for user and group alone; one that was left behind is replaced."""
     path.parent.mkdir(parents=True, exist_ok=True, mode=0o750)
     if is_served(path):
-        raise own_files.refusal(errno.EEXIST, said("another_service"), path)
+        raise own_files.refusal(errno.EEXIST, message("another_service"), path)
     with contextlib.suppress(FileNotFoundError):
         if stat.S_ISSOCK(path.lstat().st_mode):
             path.unlink()

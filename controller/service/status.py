@@ -12,22 +12,22 @@ from controller.ipc.handoff import Snapshot
 from controller.machine import machine_file
 from controller.machine.kinematics import Kinematics, kinematics_of
 from controller.machine.model import OFFSETS, Joints, Machine
-from controller.messages import said, several
+from controller.messages import message, several
 from controller.motion.pieces import STANDSTILL
 from controller.plan.path import spindle_by_hand
 from controller.plan.restart.reentry import room_along_axis
 from controller.program import dynamic_offset
 from controller.program.modal import State
 from controller.program.program import Tip
-from controller.runtime.plan_messages import Way
+from controller.runtime.plan_messages import MotionFacts
 from controller.service.active_codes import active_codes
 from controller.service.jobs import UNDER_WAY
 from controller.service.usage import Usage
 from controller.state import figures, queue_refusals
 from controller.state.fault_table import Sender
 from controller.state.figures import Reading
-from controller.state.live_state import told as told_by_tick
-from controller.state.modes import Binding, Fault, Mode, binding_text, told
+from controller.state.live_state import status_values as told_by_tick
+from controller.state.modes import Binding, Fault, Mode, binding_text, fault_message
 from controller.state.queue_refusals import QueueRefusal
 
 PER_MIN = 60.0
@@ -37,7 +37,7 @@ AT_LIMIT = 1e-3  # mm or rad from the end of the travel
 def machine_values(
     machine: Machine,
     now: Snapshot,
-    way: Way | None,
+    way: MotionFacts | None,
     state: State,
     in_spindle: int = 1,
     age_s: float = 0.0,
@@ -72,7 +72,11 @@ def machine_values(
         "tick": {**told["tick"], "period_ms": machine.period_s * 1e3, "age_s": age_s},
         "notices": [
             *_notices(machine, now),
-            *([{"name": "PLAN_SILENT", **said("plan_silent", seconds=ends_s)}] if ends_s is not None else []),
+            *(
+                [{"name": "PLAN_SILENT", **message("plan_silent", seconds=ends_s)}]
+                if ends_s is not None
+                else []
+            ),
         ],
     }
 
@@ -125,13 +129,13 @@ def _notices(machine: Machine, now: Snapshot) -> list[dict[str, Any]]:
     axis, sender = machine.axis_off(now.warning_axis), Sender(now.chatter_id, now.chatter_per_s)
     faults = ((now.interlock, ""), (now.warning, axis))
     found = [
-        {"name": fault.name, **told(fault, of, sender=sender)}
+        {"name": fault.name, **fault_message(fault, of, sender=sender)}
         for fault, of in faults
         if fault is not Fault.NONE
     ]
     stuck = now.mode is Mode.RUNNING and now.at_rest and now.refusal is not QueueRefusal.NONE
     return (
-        [*found, {"name": f"QUEUE_{now.refusal.name}", **queue_refusals.told(now.refusal)}]
+        [*found, {"name": f"QUEUE_{now.refusal.name}", **queue_refusals.refusal_message(now.refusal)}]
         if stuck
         else found
     )
@@ -142,15 +146,18 @@ def tool_change(machine: Machine, number: int, usage: Usage | None = None) -> di
     tool = machine.tool(number)
     name = f" ({tool.name})" if tool is not None and tool.name else ""
     key = "tool_change" if number else "tool_out"
-    asks = said(key, number=number, name=name)
+    asks = message(key, number=number, name=name)
     known = [one.number for one in machine.tools]
-    worn = usage.said_worn("tool_worn", number, known) if usage is not None else None
+    worn = usage.worn_message("tool_worn", number, known) if usage is not None else None
     return {"number": number, **(asks if worn is None else several(asks, worn))}
 
 
 def spindle_change(rev_min: float) -> dict[str, Any]:
     """What the operator is asked to do where a program waits for a spindle that he switches; signed."""
-    return {"rev_min": rev_min, **several(spindle_by_hand.instruction(rev_min), said("spindle_change.go_on"))}
+    return {
+        "rev_min": rev_min,
+        **several(spindle_by_hand.instruction(rev_min), message("spindle_change.go_on")),
+    }
 
 
 def _spindle(machine: Machine, told: Mapping[str, Any]) -> dict[str, Any]:
@@ -178,7 +185,7 @@ def reading(machine: Machine, kinematics: Kinematics, joints: Joints, state: Sta
 
 
 def joints(
-    machine: Machine, kinematics: Kinematics, now: Snapshot, way: Way | None, state: State
+    machine: Machine, kinematics: Kinematics, now: Snapshot, way: MotionFacts | None, state: State
 ) -> dict[str, dict[str, Any]]:
     """By axis: where it is told to be, where it is, how far it still goes."""
     shown, actual = machine.shown(now.joints), machine.shown(now.actual)
@@ -244,7 +251,7 @@ def retract_room_mm(machine: Machine, now: Snapshot) -> float | None:
     return math.floor(room_mm * 1e3) / 1e3
 
 
-def _programmed(now: Snapshot, way: Way | None) -> float | None:
+def _programmed(now: Snapshot, way: MotionFacts | None) -> float | None:
     if way is None or way.feed_mm_s is None:
         return None
     begun = [feed for s, feed in way.feed_steps if s <= now.s]

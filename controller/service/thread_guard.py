@@ -41,7 +41,7 @@ class InThread(NamedTuple):
         return abs(self.turns) * self.pitch_mm
 
     @property
-    def told(self) -> dict[str, Any]:
+    def facts(self) -> dict[str, Any]:
         return {**self._asdict(), "depth_mm": self.depth_mm}
 
 

@@ -23,7 +23,7 @@ from typing import Any
 from controller.ipc.handoff import Snapshot
 from controller.machine.model import Changer, Io
 from controller.machine.tool_store import AWAY, SPINDLE, Step, ToolStore
-from controller.messages import Said, said, several
+from controller.messages import Message, message, several
 from controller.motion.pieces import FIRST_MARK
 from controller.program.program import Changing
 from controller.program.tool_change_words import steps_of
@@ -94,7 +94,7 @@ class _StepTime:
         """An operator lets it go on."""
         self._told = False
 
-    def look(self, now: Snapshot, mark: Changing, changer: Changer) -> tuple[Said | None, bool]:
+    def look(self, now: Snapshot, mark: Changing, changer: Changer) -> tuple[Message | None, bool]:
         """What is told of the step just now; and whether it takes too long."""
         if now.mode is Mode.RUNNING:
             self._ran += now.tick - self._seen_tick
@@ -107,7 +107,7 @@ class _StepTime:
             return None, False
         self._told, self._ran = True, 0
         of: dict[str, Any] = {"number": mark.step + 1, "steps": len(rows), "step": step.name}
-        return several(said("change_late", **of, fails=step.fails), said("change_late_do")), late
+        return several(message("change_late", **of, fails=step.fails), message("change_late_do")), late
 
 
 class Whereabouts:
@@ -136,29 +136,31 @@ class Whereabouts:
         """Number of the tool in it; 0 = none, or nobody knows."""
         return 0 if self.unsure else self._store.spindle or 0
 
-    def doubt(self, beside: Said | None) -> Said | None:
+    def doubt(self, beside: Message | None) -> Message | None:
         """What an operator must confirm before anything moves; ``beside``: of a preparation."""
         store = self._store
         if not store.known:
-            return said("changer_unknown")
+            return message("changer_unknown")
         if store.step is None:
-            return None if beside is None else several(beside, said("changer_confirm"))
+            return None if beside is None else several(beside, message("changer_confirm"))
         step, spindle = store.step, store.spindle
-        told = said("change_interrupted", out=step.tool_out, into=step.tool_in, step=step.name)
-        begun = said("change_spindle", tool=spindle) if spindle else said("change_spindle_empty")
-        carried = (said("change_carried", tool=tool, pocket=pocket) for tool, pocket in self.unsure.items())
-        return several(told, begun, *carried, said("changer_confirm"))
+        told = message("change_interrupted", out=step.tool_out, into=step.tool_in, step=step.name)
+        begun = message("change_spindle", tool=spindle) if spindle else message("change_spindle_empty")
+        carried = (
+            message("change_carried", tool=tool, pocket=pocket) for tool, pocket in self.unsure.items()
+        )
+        return several(told, begun, *carried, message("changer_confirm"))
 
-    def refusal(self, mark: Changing) -> Said | None:
+    def refusal(self, mark: Changing) -> Message | None:
         """Why a change does not begin: a tool is not where it is taken, or where it goes another one is."""
         store, changer, places = self._store, self._changer(), self._store.places
         out, into = mark.tool_out, mark.tool_in
         if store.spindle != out:
-            return said("change_other_tool", found=store.spindle, wanted=out)
+            return message("change_other_tool", found=store.spindle, wanted=out)
         if into and places.get(into) != changer.pocket(into):
-            return said("change_not_there", tool=into, pocket=changer.pocket(into))
+            return message("change_not_there", tool=into, pocket=changer.pocket(into))
         if out and changer.pocket(out) in places.values():
-            return said("change_taken", tool=out, pocket=changer.pocket(out))
+            return message("change_taken", tool=out, pocket=changer.pocket(out))
         return None
 
     def begin(self, mark: Changing) -> None:
@@ -202,9 +204,9 @@ class ToolChanger:
         store: ToolStore,
         changer: Callable[[], Changer],
         tick: Tick,
-        tell: Callable[[str, Said], object],
+        tell: Callable[[str, Message], object],
         period_s: float,
-        worn: Callable[[int], Said | None],
+        worn: Callable[[int], Message | None],
         io: Io | None,
     ) -> None:
         """``changer``: as its pockets are now; ``tell``: name and words of an alarm; ``worn``: what is to be
@@ -237,14 +239,14 @@ class ToolChanger:
         step, self._now, self._waits = self._now, None, False
         self.beside.end()
         if step is not None and self.store.step is not None:
-            self._tell("CHANGE_BROKEN", self.doubt or said("change_broken"))
+            self._tell("CHANGE_BROKEN", self.doubt or message("change_broken"))
 
     @property
     def under_way(self) -> bool:
         """Whether a run is in the middle of a change."""
         return self._now is not None or self._waits
 
-    def change(self, now: Snapshot) -> Said | None:
+    def change(self, now: Snapshot) -> Message | None:
         """The step of the change under way, in words; None where there is none, or it is held.
 
         The stops between its steps are no holds: nobody has asked for one, and it goes on by itself.
@@ -284,7 +286,7 @@ class ToolChanger:
         self._look_beside(now, mark)
         if mark is None:
             self._watch(now)
-        elif not self._keeps and self._resume.free(now) and self._may_begin(mark) and self._kept(mark):
+        elif not self._keeps and self._resume.free(now) and self._may_begin(mark) and self._store_step(mark):
             self._time.begin(now)
             self._resume.ask(now)
 
@@ -316,8 +318,8 @@ class ToolChanger:
             self._tell("CHANGE_WORN", worn)
         return worn is not None
 
-    def _kept(self, mark: Changing) -> bool:
-        """The step before is over, and this one is known to the disk. Otherwise the run is stopped."""
+    def _store_step(self, mark: Changing) -> bool:
+        """Store the step before it moves; where that fails the run is stopped, and it is False."""
         if self._now == mark or (mark.moves_nothing and self._now is None):
             return True  # planned once more, as after another override: it stands where it stood
         why = self._refusal(mark)
@@ -325,7 +327,7 @@ class ToolChanger:
             if why is None:
                 self.whereabouts.begin(mark)
         except sqlite3.Error as error:
-            why = said("change_not_kept", why=str(error))
+            why = message("change_not_kept", why=str(error))
         if why is not None:
             self._refuse(why, True)
             return False
@@ -334,20 +336,20 @@ class ToolChanger:
         self._now = None if mark.last else mark
         return True
 
-    def _refuse(self, why: Said, ends: bool) -> None:
+    def _refuse(self, why: Message, ends: bool) -> None:
         """Told; a change that was to begin or go on ends with it."""
         self._tell("CHANGE_REFUSED", why)
         if ends:
             self._keeps = True
             self._tick.request(Request.STOP)
 
-    def _refusal(self, mark: Changing) -> Said | None:
+    def _refusal(self, mark: Changing) -> Message | None:
         """Why the change may not go on: it does not begin with its first step, or tools are elsewhere."""
         if self._now is not None:
             same = (self._now.tool_out, self._now.tool_in, self._now.step + 1)
-            return None if (mark.tool_out, mark.tool_in, mark.step) == same else said("change_out_of_step")
+            return None if (mark.tool_out, mark.tool_in, mark.step) == same else message("change_out_of_step")
         if mark.step != 0 or mark.last:
-            return said("change_out_of_step")
+            return message("change_out_of_step")
         return self.doubt or self.whereabouts.refusal(mark)
 
     def _watch(self, now: Snapshot) -> None:
@@ -364,28 +366,28 @@ class ToolChanger:
     # -- what is known
 
     @property
-    def doubt(self) -> Said | None:
+    def doubt(self) -> Message | None:
         """What an operator must confirm before anything moves; None: nothing."""
         return None if self._now is not None else self.whereabouts.doubt(self.beside.doubt)
 
-    def told(self) -> dict[str, Any]:
+    def to_json(self) -> dict[str, Any]:
         """For status, page and command line."""
         return {
             **self.whereabouts.to_json(self._now),
             "held": self._keeps and (self._now is not None or self._worn_at is not None),
-            **self.beside.told(),
+            **self.beside.to_json(),
             "doubt": self.doubt,
         }
 
 
-def _in_words(changer: Changer, mark: Changing, waits: bool) -> Said:
+def _in_words(changer: Changer, mark: Changing, waits: bool) -> Message:
     """The step of a change; ``waits``: for the pocket that is prepared."""
     out, into = mark.tool_out, mark.tool_in
     if mark.moves_nothing:
-        return said("changing_not", into=into)
+        return message("changing_not", into=into)
     if waits:
-        return said("changing_waits", into=into)
+        return message("changing_waits", into=into)
     rows = steps_of(changer, out, into)
     at = min(mark.step, len(rows) - 1)
     key = "changing" if out and into else "changing_out" if out else "changing_in"
-    return said(key, out=out, into=into, number=at + 1, steps=len(rows), step=rows[at][0].name)
+    return message(key, out=out, into=into, number=at + 1, steps=len(rows), step=rows[at][0].name)

@@ -16,10 +16,10 @@ from controller.service.tool_changer import ToolChanger
 LOGGED = ("time_s", "what", "tool_out", "tool_in", "step", "name")
 
 
-def told(service: Service) -> Values:
+def to_json(service: Service) -> Values:
     """Spindle, pockets, doubts and the last steps. Raises CommandRefused."""
     changer = _changer_of(service)
-    return {**changer.told(), "log": [dict(zip(LOGGED, row, strict=True)) for row in changer.store.log()]}
+    return {**changer.to_json(), "log": [dict(zip(LOGGED, row, strict=True)) for row in changer.store.log()]}
 
 
 def confirm(service: Service, values: Values) -> Values:
@@ -40,7 +40,7 @@ def confirm(service: Service, values: Values) -> Values:
     except sqlite3.Error as error:
         raise refused("not_written", code="busy", path=service.state, why=str(error)) from error
     service.run.change_tool(changer.whereabouts.spindle)
-    return changer.told()
+    return changer.to_json()
 
 
 def give_pocket(service: Service, values: Values) -> Values:
@@ -51,7 +51,7 @@ def give_pocket(service: Service, values: Values) -> Values:
         changer.store.forget()
         pockets = {str(number): its for number, its in enumerate(_pockets(machine), 1)}
         service.set_up.fit(machine, {**service.set_up.fitted, "pockets": pockets})
-    return changer.told()
+    return changer.to_json()
 
 
 def _changer_of(service: Service) -> ToolChanger:

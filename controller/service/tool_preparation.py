@@ -20,7 +20,7 @@ from typing import Any, NamedTuple, Protocol
 from controller.ipc.handoff import Outcome, Snapshot
 from controller.machine.model import Changer, ChangerStep, Io
 from controller.machine.tool_store import Step, ToolStore
-from controller.messages import Said, said, several
+from controller.messages import Message, message, several
 from controller.state.modes import Fault, Request
 
 
@@ -50,7 +50,7 @@ class Preparation:
         changer: Callable[[], Changer],
         io: Io | None,
         tick: Tick,
-        tell: Callable[[str, Said], object],
+        tell: Callable[[str, Message], object],
         period_s: float,
     ) -> None:
         """``changer``: as its pockets are now; ``tell``: name and words of an alarm."""
@@ -92,7 +92,7 @@ class Preparation:
 
     # -- looking on
 
-    def look(self, now: Snapshot, may_begin: bool) -> Said | None:
+    def look(self, now: Snapshot, may_begin: bool) -> Message | None:
         """The step under way, and the next one where it ``may_begin``; why nothing can be kept of it."""
         try:
             if self._step is not None:
@@ -101,7 +101,7 @@ class Preparation:
                 self._begin(now)
         except sqlite3.Error as error:
             self.end()
-            return said("change_not_kept", why=str(error))
+            return message("change_not_kept", why=str(error))
         return None
 
     @property
@@ -123,14 +123,14 @@ class Preparation:
         step, pocket = changer.prepare[number], changer.pocket(tool) or 0
         self.ready = 0
         self._store.prepare(Step(0, tool, number, step.name))
-        other = not self._is_as_wanted(now, step)
-        told = changer.told(step, pocket)
+        other = not self._is_reached(now, step)
+        told = changer.output_word(step, pocket)
         asked = self._asks.request(Request.PREPARE, told) if told else None
         self._step = _UnderWay(tool, number, asked, now.tick, other)
 
     def _watch(self, now: Snapshot, under_way: _UnderWay, may_begin: bool) -> None:
         step = self._changer().prepare[under_way.number]
-        here, taken = self._is_as_wanted(now, step), under_way.asked is None or now.has_taken(under_way.asked)
+        here, taken = self._is_reached(now, step), under_way.asked is None or now.has_taken(under_way.asked)
         if under_way.asked is not None and now.came_of(under_way.asked)[0] is Outcome.REFUSED:
             self._step = None  # a door was opened, or the run has ended: nothing was switched
             self._store.prepared()
@@ -154,27 +154,27 @@ class Preparation:
         else:
             self._store.prepared()
 
-    def _is_as_wanted(self, now: Snapshot, step: ChangerStep) -> bool:
+    def _is_reached(self, now: Snapshot, step: ChangerStep) -> bool:
         return bool(now.inputs >> self._inputs[step.input] & 1) is (step.level in ("rise", "on"))
 
-    def _late(self, under_way: _UnderWay, step: ChangerStep) -> Said:
+    def _late(self, under_way: _UnderWay, step: ChangerStep) -> Message:
         steps = len(self._changer().prepare)
         what: dict[str, Any] = {"number": under_way.number + 1, "steps": steps, "step": step.name}
         return several(
-            said("prepare_late", fails=step.fails, tool=under_way.tool, **what), said("prepare_late_do")
+            message("prepare_late", fails=step.fails, tool=under_way.tool, **what), message("prepare_late_do")
         )
 
     # -- what is known
 
     @property
-    def doubt(self) -> Said | None:
+    def doubt(self) -> Message | None:
         """A step that was under way when all ended; None: none was."""
         step = self._store.preparation
         if step is None or self._step is not None:
             return None
-        return said("prepare_interrupted", tool=step.tool_in, step=step.name)
+        return message("prepare_interrupted", tool=step.tool_in, step=step.name)
 
-    def told(self) -> dict[str, Any]:
+    def to_json(self) -> dict[str, Any]:
         """For status, page and command line."""
         step = self._store.preparation
         steps = len(self._changer().prepare)

@@ -26,7 +26,7 @@ from controller.service.refusals import number, refused
 from controller.service.status import reading
 from controller.state import figures
 
-MOST = 1e5  # mm or degrees
+MAX_READING = 1e5  # mm or degrees
 _ARITHMETIC = re.compile(r"[-+*/(). 0-9]{1,100}")
 _TWO_NUMBERS = re.compile(r"[0-9.] +[0-9.]")
 
@@ -37,7 +37,7 @@ def figure(typed: object, now: float) -> float:
     What begins with + is so much more than what it reads ``now``. Raises CommandRefused.
     """
     if not isinstance(typed, str):
-        return number({"figure": typed}, "figure", -MOST, MOST)
+        return number({"figure": typed}, "figure", -MAX_READING, MAX_READING)
     text = typed.strip().replace(",", ".").replace("−", "-")
     more, text = text.startswith("+"), text.removeprefix("+")
     if _ARITHMETIC.fullmatch(text) and not _TWO_NUMBERS.search(text):
@@ -45,7 +45,7 @@ def figure(typed: object, now: float) -> float:
         with contextlib.suppress(ProgramError):
             value = values.bracket()
             if not values.peek():
-                return number({"figure": now + value if more else value}, "figure", -MOST, MOST)
+                return number({"figure": now + value if more else value}, "figure", -MAX_READING, MAX_READING)
     raise refused("no_figure", code="bad", typed=typed[:100])
 
 
@@ -71,7 +71,7 @@ def offset(
     if tool is not None:
         read = read._replace(length_mm=_tool(machine, tool).worn.length_mm)
     now = figures.work(machine, kinematics, joints, read)
-    wanted = _wanted(machine, now, reads)
+    wanted = _target_readings(machine, now, reads)
     before = state.origins.offset(index, machine)
     found = figures.offset_for(machine, now, read, before, wanted)
     state = dynamic_offset.standing(state, machine.pair(joints, 0.0), machine, kinematics)
@@ -90,7 +90,7 @@ def tool(machine: Machine, state: State, joints: Joints, number_: int, reads: ob
     found, kinematics = _tool(machine, number_), kinematics_of(machine)
     read = reading(machine, kinematics, joints, state)._replace(length_mm=found.worn.length_mm)
     now = figures.work(machine, kinematics, joints, read)
-    wanted = _wanted(machine, now, reads)
+    wanted = _target_readings(machine, now, reads)
     (letter, value), *others = wanted.items()
     if others or letter not in "XYZ":
         raise refused("one_reading", code="bad")
@@ -102,14 +102,14 @@ def tool(machine: Machine, state: State, joints: Joints, number_: int, reads: ob
 
 
 def _tool(machine: Machine, number_: int) -> Tool:
-    found = machine.tool_as_told(number_)
+    found = machine.table_tool(number_)
     if found is None:
         raise refused("no_tool", number=number_)
     return found
 
 
-def _wanted(machine: Machine, now: figures.Figures, reads: object) -> Mapping[str, float]:
-    """By axis what it is to read. Raises CommandRefused."""
+def _target_readings(machine: Machine, now: figures.Figures, reads: object) -> Mapping[str, float]:
+    """The value that each axis is to read. Raises CommandRefused."""
     typed: dict[str, Any] = reads if isinstance(reads, dict) else {}
     shown = dict(zip((axis.name for axis in machine.axes), now, strict=True))
     if not typed:

@@ -23,7 +23,7 @@ from controller import sealed_file
 from controller.ipc.control_socket import Values
 from controller.ipc.handoff import COLUMN, of_axes
 from controller.machine.model import Machine
-from controller.messages import Said, said, several
+from controller.messages import Message, message, several
 from controller.service import kept_file
 from controller.service.refusals import refused
 from controller.state.modes import Mode
@@ -151,7 +151,7 @@ class Usage:
 
     # -- told
 
-    def told(self) -> dict[str, Any]:
+    def to_json(self) -> dict[str, Any]:
         """Tools, counters and items."""
         with self._lock:
             tools = [
@@ -173,12 +173,12 @@ class Usage:
             return {}
         return {"number": tool, "cut": use.cut_s / 60.0, "way": use.cut_m, "parts": use.parts}
 
-    def said_worn(self, key: str, tool: int, known: Collection[int]) -> Said | None:
-        """That a tool is worn, and what a start from here brings in its place; None of any other."""
+    def worn_message(self, key: str, tool: int, known: Collection[int]) -> Message | None:
+        """That a tool is worn, and what a start from here brings in its place; None where it is not worn."""
         if not (told := self.worn(tool)):
             return None
-        worn, sister = said(key, **told), self.sisters(known).get(str(tool))
-        return worn if sister is None else several(worn, said("change_sister", sister=sister))
+        worn, sister = message(key, **told), self.sisters(known).get(str(tool))
+        return worn if sister is None else several(worn, message("change_sister", sister=sister))
 
     def sisters(self, known: Collection[int]) -> dict[str, int]:
         """Worn tools, each with what comes in its place: its sister, or that one's; ``known``: all tools."""
@@ -325,13 +325,13 @@ def tool_life(usage: Usage, values: Values) -> Values:
     if sister == tool:
         raise refused("no_sister", code="bad", tool=tool, value=sister)
     usage.set_life(tool, values["cut_min"], values["parts"], values["cut_m"], sister)
-    return _kept(usage)
+    return _saved(usage)
 
 
 def tool_renewed(usage: Usage, values: Values) -> Values:
     """Raises CommandRefused."""
     usage.renew(values["tool"])
-    return _kept(usage)
+    return _saved(usage)
 
 
 def maintenance(usage: Usage, values: Values) -> Values:
@@ -341,22 +341,22 @@ def maintenance(usage: Usage, values: Values) -> Values:
         usage.remove_item(name)
     else:
         usage.set_item(name, values["counter"], values["every"])
-    return _kept(usage)
+    return _saved(usage)
 
 
 def maintained(usage: Usage, values: Values) -> Values:
     """Raises CommandRefused."""
     usage.done(_name(values), values["by"][:LONGEST_NAME])
-    return _kept(usage)
+    return _saved(usage)
 
 
-def _kept(usage: Usage) -> dict[str, Any]:
-    """What was said is on the disk before it is answered. Raises CommandRefused."""
+def _saved(usage: Usage) -> dict[str, Any]:
+    """Save the usage before the answer is given. Raises CommandRefused."""
     try:
         usage.save(at_once=True)
     except OSError as error:
         raise refused("not_written", code="busy", path=usage.file, why=error) from error
-    return usage.told()
+    return usage.to_json()
 
 
 def _name(values: Values) -> str:

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 from controller.ipc.control_socket import CommandRefused
 from controller.ipc.handoff import Snapshot
-from controller.messages import said
+from controller.messages import message
 from controller.plan.restart.program_position import ENTRY_ID
 from controller.service import alarms, journal
 from controller.service.job_run import JobRun
@@ -102,7 +102,7 @@ class Watch:
     def _feel_pulse(self, now: Snapshot) -> None:
         """A tick that stands is reported once, as soon as it is seen."""
         if self._service.processes.pulse.stands_now(now.tick):
-            stands = said("tick_stands", seconds=STANDS_S)
+            stands = message("tick_stands", seconds=STANDS_S)
             self._service.alarms.add("TICK_STANDS", stands, **alarms.where(now))
 
     def _queue_left_s(self, now: Snapshot) -> float | None:
@@ -156,7 +156,7 @@ class Watch:
         if now.mode is Mode.FAULT:
             if now.at_rest or now.stopping is False:
                 run.lay(job, job.announced.say(now), now)
-                run.end("fault", service.troubles.said)
+                run.end("fault", service.troubles.message)
         elif now.mode in (Mode.RUNNING, Mode.HOLD, Mode.STOPPING, Mode.JOG):
             job.follow(now)
             if (way := job.motions.ways.get(now.motion_id)) is not None and now.motion_id < ENTRY_ID:
@@ -176,7 +176,7 @@ class Watch:
         """The one in the spindle: the program goes on from where it asked for it, or moves with it."""
         if self._service.changer is not None:
             return
-        way, asked = job.motions.ways.get(now.motion_id), job.asked_tool(now, self._service.set_up.tool)
+        way, asked = job.motions.ways.get(now.motion_id), job.awaited_tool(now, self._service.set_up.tool)
         put_in = self._asked_tool if now.mode is Mode.RUNNING else None
         if put_in is not None:
             job.announced.put_in(put_in, self._asked_line)

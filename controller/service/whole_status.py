@@ -10,7 +10,7 @@ from controller import atomic_file, messages, sealed_file
 from controller.ipc.control_socket import LAST, Values, as_json
 from controller.ipc.handoff import Snapshot, blank
 from controller.machine.model import OFFSETS
-from controller.messages import Said, said
+from controller.messages import Message, message
 from controller.service import alarms, job_status, kept_file, restart_preview
 from controller.service import status as machine_status
 from controller.service.jobs import Job
@@ -41,12 +41,18 @@ def _status(service: Service) -> Values:
         "commissioned": service.processes.commissioned,
     }
     if found is None or found.tick < 0:
-        return {**machine_status.not_begun(_told(service, blank(len(service.set_up.machine.axes)))), **kept}
+        return {
+            **machine_status.not_begun(_snapshot_values(service, blank(len(service.set_up.machine.axes)))),
+            **kept,
+        }
     if not alive:
-        return {**machine_status.unseen(_told(service, machine_status.ended(found))), **kept}
+        return {**machine_status.unseen(_snapshot_values(service, machine_status.ended(found))), **kept}
     if service.processes.stands(found):
-        return {**machine_status.unseen(_told(service, machine_status.ended(found)), over=False), **kept}
-    return {**_told(service, found), **kept}
+        return {
+            **machine_status.unseen(_snapshot_values(service, machine_status.ended(found)), over=False),
+            **kept,
+        }
+    return {**_snapshot_values(service, found), **kept}
 
 
 def fault_at(service: Service, now: Snapshot | None, alive: bool = True) -> Values | None:
@@ -63,9 +69,9 @@ def _of_hung(seconds: float) -> Values:
     return {
         "name": "TICK_STANDS",
         "axis": None,
-        **said("tick_stands", seconds=seconds),
-        "cause": said("cause.TICK_STANDS"),
-        "remedy": said("remedy.TICK_STANDS"),
+        **message("tick_stands", seconds=seconds),
+        "cause": message("cause.TICK_STANDS"),
+        "remedy": message("remedy.TICK_STANDS"),
         "recovery": Recovery.RESTART.name.lower(),
         "position_trusted": False,
         "recording": None,
@@ -124,9 +130,9 @@ class Kept:
     def look(self, found: Snapshot) -> None:
         """Keep what ``found`` tells, as of a controller that is gone."""
         service = self._service
-        gone = {**alarms.of(service.set_up.machine, Fault.CONTROLLER_GONE, -1), **said("service_gone")}
+        gone = {**alarms.of(service.set_up.machine, Fault.CONTROLLER_GONE, -1), **message("service_gone")}
         status = {
-            **machine_status.unseen(_told(service, machine_status.ended(found))),
+            **machine_status.unseen(_snapshot_values(service, machine_status.ended(found))),
             **{"fault": {**gone, "recording": None}, "interlock": None, "warning": None, "notices": []},
             **{"sequence": None, "tick_alive": False, "plan_alive": False, "commissioned": None},
             **{"restart": restart_preview.restart(service), "next": None, "can_start": False},
@@ -154,13 +160,13 @@ def retract_room_mm(service: Service, now: Snapshot) -> float | None:
     return machine_status.retract_room_mm(service.set_up.machine, now)
 
 
-def _told(service: Service, now: Snapshot) -> Values:
-    """What a snapshot tells, with the job and the motion under way."""
+def _snapshot_values(service: Service, now: Snapshot) -> Values:
+    """The values of a snapshot, with the job and the motion under way."""
     set_up, machine, run = service.set_up, service.set_up.machine, service.run
     job = run.job or run.loaded
     entry = run.interrupted if job is None else None
     way = job.motions.under_way(now.motion_id) if job is not None and job.active else None
-    asked = job.asked_tool(now, set_up.tool) if job is not None else None
+    asked = job.awaited_tool(now, set_up.tool) if job is not None else None
     turn = job.announced.awaited_speed(now) if job is not None and job.active else None
     if asked is not None and turn:  # the tool first
         turn = None
@@ -188,7 +194,7 @@ def _told(service: Service, now: Snapshot) -> Values:
         **({"in_block": _last_block(job, entry)} if job is None or not job.active else {}),
         "tool_change": machine_status.tool_change(machine, asked, service.usage) if asked else None,
         "spindle_change": machine_status.spindle_change(turn) if turn is not None else None,
-        "changer": service.changer.told() if service.changer is not None else None,
+        "changer": service.changer.to_json() if service.changer is not None else None,
         "control": None,
         "job": told_job,
         "drives": service.processes.drives(machine, now),
@@ -196,7 +202,7 @@ def _told(service: Service, now: Snapshot) -> Values:
     }
 
 
-def _starts(service: Service, job: Job, now: Snapshot) -> Said | None:
+def _starts(service: Service, job: Job, now: Snapshot) -> Message | None:
     """What a start begins with: program, line, tool and work offset; None where there is none to begin."""
     if job.active or job.state in ("loading", "refused"):
         return None
@@ -207,15 +213,15 @@ def _starts(service: Service, job: Job, now: Snapshot) -> Said | None:
         there = {"tool": service.set_up.tool, "offset": offset}
     line = job.program.spot.line if job.program.spot is not None else 1
     facts = {"program": job.program.name, "line": line, "tool": there["tool"], "offset": there["offset"]}
-    return said("starts" if there["tool"] else "starts_empty", **facts)
+    return message("starts" if there["tool"] else "starts_empty", **facts)
 
 
-def _no_resume(service: Service, now: Snapshot) -> Said | None:
+def _no_resume(service: Service, now: Snapshot) -> Message | None:
     """Why a held program cannot go on from where the tool is, or with which."""
     if now.mode is not Mode.HOLD:
         return None
     why = service.run.no_resume or ("away" if now.away else "")
-    return said(why) if why else None
+    return message(why) if why else None
 
 
 def _with_notices(service: Service, values: Values) -> Values:
@@ -227,7 +233,7 @@ def _with_notices(service: Service, values: Values) -> Values:
     notices, found = values["notices"], service.thread.found
     if found is not None and service.run.job is None:
         facts = {"depth": found.depth_mm, "pitch": found.pitch_mm, "line": found.line}
-        notices = [*notices, {"name": "IN_THREAD", **said("in_thread", **facts)}]
+        notices = [*notices, {"name": "IN_THREAD", **message("in_thread", **facts)}]
     changer = service.changer
     if changer is not None and (doubt := changer.doubt) is not None:
         notices = [*notices, {"name": "CHANGER_IN_DOUBT", **doubt}]

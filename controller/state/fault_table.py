@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 from controller import messages
 from controller.faults import Fault, FaultRow, Reaction, Recovery, Times, Wait, Words
-from controller.messages import DEFAULT, LANGUAGES, Key, Said, said, several
+from controller.messages import DEFAULT, LANGUAGES, Key, Message, message, several
 from drives import pdo
 
 
@@ -133,27 +133,27 @@ class Sender(NamedTuple):
     can_id: int = -1
     per_s: float = 0.0
 
-    def told(self) -> Said:
+    def message(self) -> Message:
         """Whose frames they are, which ones, and how many a second."""
         shown, per_s = f"{self.can_id & IDENTIFIER:03X}", round(self.per_s)
         if not (node := pdo.node_of(self.can_id)):
-            return said("frames.of_nobody", can_id=shown, per_s=per_s)
+            return message("frames.of_nobody", can_id=shown, per_s=per_s)
         what = Key(f"frames.{FRAMES[pdo.group(self.can_id)]}")
-        return said("frames.of_node", node=node, what=what, can_id=shown, per_s=per_s)
+        return message("frames.of_node", node=node, what=what, can_id=shown, per_s=per_s)
 
 
 NOBODY = Sender()
 
 
-def told(fault: Fault, axis: str = "", also: Fault = Fault.NONE, sender: Sender = NOBODY) -> Said:
+def fault_message(fault: Fault, axis: str = "", also: Fault = Fault.NONE, sender: Sender = NOBODY) -> Message:
     """Text and remedy for the operator, with the axis or the sender concerned and what came on top."""
-    text, remedy = said(f"fault.{fault.name}"), said(f"remedy.{fault.name}")
-    first = said("of_axis", axis=axis, text=text) if axis else text
+    text, remedy = message(f"fault.{fault.name}"), message(f"remedy.{fault.name}")
+    first = message("of_axis", axis=axis, text=text) if axis else text
     if fault in OF_FRAMES and sender.can_id >= 0:
-        first = several(sender.told(), text)
+        first = several(sender.message(), text)
     if also in (Fault.NONE, fault) or (fault is Fault.BUS_FLOODED and also in OF_FRAMES):
         return several(first, remedy)
-    more = said("also", text=Key(f"fault.{also.name}"), remedy=Key(f"remedy.{also.name}"))
+    more = message("also", text=Key(f"fault.{also.name}"), remedy=Key(f"remedy.{also.name}"))
     return several(first, remedy, more)
 
 
@@ -165,7 +165,7 @@ def sentence(
     sender: Sender = NOBODY,
 ) -> str:
     """The same in words. Raises ValueError where the catalogue has no such language."""
-    return messages.text(told(fault, axis, also, sender), language)
+    return messages.text(fault_message(fault, axis, also, sender), language)
 
 
 def stands_within_s(fault: Fault, times: Times) -> float:

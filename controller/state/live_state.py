@@ -21,7 +21,7 @@ from functools import cache
 from typing import Annotated, Any, NamedTuple, get_args, get_type_hints
 
 from controller.commands.table import SWITCHED, SWITCHES, Request
-from controller.messages import Said
+from controller.messages import Message
 from controller.state.modes import MAX_AXES, Fault, Mode
 from controller.state.queue_refusals import QueueRefusal
 from controller.state.requests import ANSWERS, PLAN_IDS, Outcome, outcome
@@ -282,7 +282,7 @@ class DriveRow(NamedTuple):
     state: Annotated[str, "of CiA 402, by its statusword"]
     cyclic_mode: Annotated[str, "in which it follows setpoints"]
     statusword: Annotated[int | None, "6041h as it came last"]
-    error: Annotated[Said | None, "its last emergency"]
+    error: Annotated[Message | None, "its last emergency"]
     heartbeat_age_s: Annotated[float | None, "since it showed life"]
     emcy: Annotated[int | None, "code of its last emergency"]
     homing: Annotated[bool, "it was asked to home and has not done it yet"]
@@ -431,7 +431,7 @@ def of_axes(column: str, axes: int) -> slice:
     return slice(first, first + axes)
 
 
-def told(now: Snapshot) -> dict[str, Any]:
+def status_values(now: Snapshot) -> dict[str, Any]:
     """The fields of the status that are values of a snapshot, as JSON has them."""
     found: dict[str, Any] = {}
     for name, shown in _IN_STATUS:

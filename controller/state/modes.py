@@ -33,8 +33,8 @@ from enum import IntEnum, IntFlag
 from controller.commands.command import Command
 from controller.commands.table import MAX_AXES, OVERRIDES, SWITCHED, Request
 from controller.faults import Fault, FaultRow, Reaction, Recovery, Times, Wait
-from controller.messages import Key, Said, chain, said
-from controller.state.fault_table import FAULTS, sentence, stands_within_s, told, waits_s
+from controller.messages import Key, Message, chain, message
+from controller.state.fault_table import FAULTS, fault_message, sentence, stands_within_s, waits_s
 
 __all__ = [
     "ALL_AXES",
@@ -60,12 +60,12 @@ __all__ = [
     "axis_binding",
     "bars",
     "binding_text",
+    "fault_message",
     "follows",
     "possible_in",
     "refusal",
     "sentence",
     "stands_within_s",
-    "told",
     "waits_s",
 ]
 
@@ -205,7 +205,7 @@ def refusal(
     interlock: Fault = Fault.NONE,
     away: bool = False,
     axes: Sequence[str] = (),
-) -> Said | None:
+) -> Message | None:
     """Why ``request`` is refused: mode, request, reason and what to do, in one sentence; None if it is not.
 
     ``homed`` and ``untrusted`` are bit masks of the axes, whose names are ``axes``; ``away``: the tool has
@@ -216,15 +216,15 @@ def refusal(
     if (mode, request) not in TRANSITIONS:
         why = _where_then(mode, request)
     elif condition := _condition(mode, request, standing, away):
-        why = said(condition)
+        why = message(condition)
     elif bars(interlock, request):
-        why = told(interlock)
+        why = fault_message(interlock)
     elif request is Request.START and (missing := untrusted | (_every(axes) & ~homed)):
         names = ", ".join(name for i, name in enumerate(axes) if missing >> i & 1)
-        why = said("not_homed", axes=names or Key("some_axes"))
+        why = message("not_homed", axes=names or Key("some_axes"))
     else:
         return None
-    return said("refused", request=request.name, mode=mode.name, why=why)
+    return message("refused", request=request.name, mode=mode.name, why=why)
 
 
 def _every(axes: Sequence[str]) -> int:
@@ -232,12 +232,12 @@ def _every(axes: Sequence[str]) -> int:
     return (1 << len(axes)) - 1 if axes else ALL_AXES
 
 
-def _where_then(mode: Mode, request: Request) -> Said:
+def _where_then(mode: Mode, request: Request) -> Message:
     """What the mode is, what to do, and the modes that know the request."""
     nothing = request in _NOTHING_TO and (
         request is not Request.ENABLE or mode not in (Mode.FAULT, Mode.HOMING)
     )
-    return said(
+    return message(
         "known",
         now=Key(f"now.{mode.name}"),
         way_out=Key(f"nothing_to.{request.name}" if nothing else f"way_out.{mode.name}"),

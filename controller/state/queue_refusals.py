@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enum import IntEnum
 
-from controller.messages import Said, said
+from controller.messages import Message, message
 
 
 class QueueRefusal(IntEnum):
@@ -25,6 +25,6 @@ class QueueRefusal(IntEnum):
     JUMP = 12  # it goes on at another place of a motion than the queue is at then
 
 
-def told(refusal: QueueRefusal) -> Said:
+def refusal_message(refusal: QueueRefusal) -> Message:
     """The sentence of a reason; of NONE that the last message was taken."""
-    return said(f"queue.{refusal.name}")
+    return message(f"queue.{refusal.name}")

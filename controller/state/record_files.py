@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from controller import own_files, sealed_file
-from controller.messages import said
+from controller.messages import message
 
 RECORDINGS: Final = "recordings"  # a folder for each fault
 RUNS: Final = "runs"  # a folder for each run, with ...
@@ -31,10 +31,10 @@ def facts(folder: Path, name: str = RUN, within: Path | None = None) -> dict[str
     """
     values = sealed_file.read(folder / name, within=within, shared=True, older=sealed_file.INDENTED)
     if not isinstance(values, dict):
-        raise sealed_file.Damaged(said("sealed.none"))
+        raise sealed_file.Damaged(message("sealed.none"))
     number = str(values.get("id") or folder.name)
     if number != folder.name and "/" not in number and (folder.parent / number).is_dir():
-        raise sealed_file.Damaged(said("sealed.other"))
+        raise sealed_file.Damaged(message("sealed.other"))
     return values
 
 

@@ -38,7 +38,7 @@ STEP = 0.03  # of the share: so far off what the planner knows, it is told
 BAND = 0.05  # of the target: so near to it the load settles
 NEAR_END = 0.005  # of the share: it has come to its least or its greatest
 CUTS = 0.5  # of the target: a load below it may be that of the air
-LEAST_LOAD = 1e-3
+MIN_LOAD = 1e-3
 DEAF_SYNCS = 5  # without a load: what was told last is old
 IN_PROGRAM = (Mode.RUNNING, Mode.HOLD, Mode.STOPPING, Mode.JOG)
 
@@ -58,10 +58,10 @@ class Followed(Protocol):
     limited_by: int
 
 
-def wanted(law: AdaptiveFeed, acting: float, load: float) -> float:
+def target_share(law: AdaptiveFeed, acting: float, load: float) -> float:
     """The share of F at which the load would be at its target; it is ``load`` at the share ``acting``."""
     most = law.max_share if load >= CUTS * law.target else min(1.0, law.max_share)
-    return max(law.min_share, min(most, acting * law.target / max(load, LEAST_LOAD)))
+    return max(law.min_share, min(most, acting * law.target / max(load, MIN_LOAD)))
 
 
 def response(law: AdaptiveFeed, share: float, towards: float, seconds: float) -> float:
@@ -102,7 +102,9 @@ class Adaptive:
         elif piece is not None and self._spindle is not None and modes.override > 0.0:
             load = abs(self._spindle.load)
             self._watch_overload(load, modes, ticks)
-            self._answer(wanted(self._law, piece.override / modes.override, load), follow.limited_by, ticks)
+            self._answer(
+                target_share(self._law, piece.override / modes.override, load), follow.limited_by, ticks
+            )
         self._tell()
 
     def take(self, modes: Modes, follow: Followed, share: float) -> None:

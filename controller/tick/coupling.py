@@ -49,12 +49,12 @@ SETTLED_TICKS = 4  # in a row
 EVEN_S = 0.25  # of one speed beside a thread: then what a spindle lags has come to its end
 LATE_S = 3.0  # not settled by then: it is lost as one that lags
 CLOSING_REV_S = 0.1  # a lag beyond the window that shrinks by so much is on its way back
-PATIENCE_S = 0.2  # for one that does neither
+BEYOND_TIMEOUT_S = 0.2  # for one that does neither
 ANSWERS_IN = 3  # ticks, from a speed that the spindle is told to its answer
 TEACHES_REV = 0.2  # a spindle that is further off is hindered, and teaches nothing
 DEAF_SYNCS = 5  # without a position: the thread is left to nobody's guess
 FASTER = 1.2  # than the law asks for: what the loop may add to catch up, and in any case ...
-LEAST_REV_S = 1.0  # ... so much
+MIN_REV_S = 1.0  # ... so much
 LEARNS_S = 1e-5  # of the axes' lag, in a tick: what is learnt on the thread comes without a jerk
 STILL = 1e-9  # of s between two ticks: the law stands
 STILL_MM = 1e-3  # of the axes at rest: what the encoder's last count does moves no axis
@@ -235,7 +235,7 @@ class Coupling:
         self._turned = 0.0  # revolutions, as heard last
         self.reply = Reply()
         self._settled = self._late = self._beyond = 0  # ticks
-        self._most_beyond = round(PATIENCE_S / machine.period_s)
+        self._most_beyond = round(BEYOND_TIMEOUT_S / machine.period_s)
 
     # -- what others ask
 
@@ -462,7 +462,7 @@ class Coupling:
         if first <= last:
             n = last
             before = chain[first - 1] if first else self.now
-            off_rev = self._wanted_off(before, chain[first].added_rev_s, first, move, stands)
+            off_rev = self._target_offset_rev(before, chain[first].added_rev_s, first, move, stands)
             foreseen = max(FORESEEN_MM * abs(move.rev_per_mm), self._least_rev)
             if abs(off_rev - chain[first].off_rev) > (0.0 if self._leaves else foreseen):
                 n = first
@@ -485,7 +485,7 @@ class Coupling:
         pending = before.turned_rev - self._past.turned[self._answers_in - 1]
         return self.lag_rev + self._rate * (self._answers_in + ticks) * self._period_s - pending
 
-    def _wanted_off(
+    def _target_offset_rev(
         self, before: Correction, added: float, ticks: int, move: ThreadMove, stands: bool
     ) -> float:
         """How far the axes are to be behind then, if so much is ``added`` (rev/s)."""
@@ -500,9 +500,9 @@ class Coupling:
         """The correction in so many ticks, after ``before``."""
         move, T, reply = law.move, self._period_s, self.reply
         axis_s = max(before.axis_s - LEARNS_S, min(before.axis_s + LEARNS_S, self._axis_s))
-        most = (FASTER - 1.0) * abs(law.rev_s) + LEAST_REV_S
+        most = (FASTER - 1.0) * abs(law.rev_s) + MIN_REV_S
         added = max(-most, min(most, self._gain * self._lag_in(before, ticks)))
-        give, off_rev = T * abs(move.rev_per_mm), self._wanted_off(before, added, ticks, move, stands)
+        give, off_rev = T * abs(move.rev_per_mm), self._target_offset_rev(before, added, ticks, move, stands)
         off = before.approach(off_rev, self.bend_rev(move), move.give_mm_s * give)
         turned, drift = before.turned_rev + T * added, max(-most, min(most, self._rate))
         return Correction(*off, added, turned, drift, reply.slip, reply.lag_s, axis_s)

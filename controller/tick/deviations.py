@@ -82,8 +82,8 @@ class Deviations:
         for mine, others in zip(self._axes, other._axes, strict=True):
             mine.go_on_as(others)
 
-    def told(self, joints: Joints) -> Sequence[float]:
-        """What the drives are told, once per tick, so that the axes come to be at ``joints``."""
+    def compensated(self, joints: Joints) -> Sequence[float]:
+        """The joints to command, once per tick, so that the axes come to be at ``joints``."""
         told = list(joints)
         for axis in self._axes:
             i = axis.index

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from controller.ipc.inverter_slot import InverterSlot, Wanted
+from controller.ipc.inverter_slot import Commanded, InverterSlot
 from controller.machine.equipment import Io
 from controller.machine.spindle import Inverter, Modbus, Spindle
 
@@ -160,7 +160,7 @@ class ModbusInverter(InverterSpindle):
 
     def stop(self) -> None:
         self._order += 1
-        self._slot.want(Wanted(0.0, self._order, self._resets))
+        self._slot.want(Commanded(0.0, self._order, self._resets))
 
     def _hear(self, inputs: int, ticks: int) -> bool:
         self._reported, count = self._slot.reported()
@@ -173,7 +173,7 @@ class ModbusInverter(InverterSpindle):
         if told:
             self._sign = 1.0 if told > 0.0 else -1.0
         self._order += anew
-        self._slot.want(Wanted(told, self._order, self._resets))
+        self._slot.want(Commanded(told, self._order, self._resets))
 
     def _turns_back(self) -> bool:
         """Likewise; that it stands counts where it has said so of the order to stop."""

@@ -45,7 +45,7 @@ class Encoder:
 
     def counts(self, joints: Joints) -> tuple[float, ...]:
         """Where the drives are to go next, for the axes to be at ``joints``: before it is rounded."""
-        sent = joints if self._deviations is None else self._deviations.told(joints)
+        sent = joints if self._deviations is None else self._deviations.compensated(joints)
         return self._products(sent, self._counts_per_unit)
 
     def per_mm(self, direction: Sequence[float]) -> Sequence[float]:

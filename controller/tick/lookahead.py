@@ -111,7 +111,7 @@ class Ghost(Follow):
         self.s, _, _ = entry.at(self._clock.tau)
 
     @property
-    def knows_its_place(self) -> bool:
+    def is_in_queue(self) -> bool:
         """Whether the entry that it is in is still there."""
         return self._queue.first <= self._now <= self._queue.last
 
@@ -212,7 +212,7 @@ class Lookahead:
         ``replaced_s``: plan time from which on the queue was replaced in this tick; infinite: it was not.
         """
         rows = self.rows
-        same = conditions == self._conditions and bool(rows) and self._ghost.knows_its_place
+        same = conditions == self._conditions and bool(rows) and self._ghost.is_in_queue
         if same and self._came_to(rows[0]):
             self.here = self._as_sent(rows.popleft())
             first, end = self._endless

@@ -44,7 +44,7 @@ from drives.cyclic.line import MAX_FRAMES
 
 SPIN_S = 300e-6  # woken this long before the deadline: a late wake-up and the drain of the buses fit in
 SPIN_SHARE = 0.2  # of the period at most,
-LEAST_SPIN_S = 150e-6  # but not less than the scheduler is often late by
+MIN_SPIN_S = 150e-6  # but not less than the scheduler is often late by
 FORGETS = 0.999  # in each tick, of the longest time that a rehearsal and the drain behind it took
 AHEAD_S = 40e-3  # for which a tick stands in which nothing happens; an operator does not feel it
 CALM_S = 0.2  # nothing has happened for so long
@@ -57,7 +57,7 @@ LAST_TICKS_S = 0.5  # after an error of our own the drives are still told to sto
 
 def early_s(period_s: float) -> float:
     """How long before its deadline the loop is woken."""
-    return min(SPIN_S, max(SPIN_SHARE * period_s, LEAST_SPIN_S))
+    return min(SPIN_S, max(SPIN_SHARE * period_s, MIN_SPIN_S))
 
 
 class Clock(Protocol):

@@ -29,6 +29,7 @@ feedback stands.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Protocol
 
@@ -164,6 +165,7 @@ class Peripherals:
         self._switched = self._lines = 0  # outputs of programs: as numbered there, and their bits of the node
         self._analogue = io.analogue_out if io is not None and self._node is not None else ()
         self._max_rev_min = machine.spindle.max_rev_min if self._spindle and machine.spindle else 0.0
+        self._limit = math.inf  # rev/min, of the tool: the override leads no further
         self._wanted = (0.0, 0, 0)  # rev/min, coolant, open clamps: what the program says, or the hand
         self._by_hand = False  # without a program
         self._handed_over = False  # what the last program has left on, to the hand
@@ -215,7 +217,7 @@ class Peripherals:
         new = mode is Mode.READY and not self._by_hand
         rev_min, coolant, is_open = (0.0, 0, 0) if new else self._wanted
         if request is Request.SPINDLE and abs(value) <= self._max_rev_min:
-            rev_min = value
+            rev_min, self._limit = value, abs(value)
         elif request is Request.COOLANT and value in self._coolants:
             coolant = int(value)
         elif request is Request.CLAMPS and value in self._clamp_masks:
@@ -422,9 +424,9 @@ class Peripherals:
 
     def _overridden(self, rev_min: float, share: float) -> float:
         """What the spindle is told; one that is switched by hand turns as the program says."""
-        most = self._max_rev_min
-        if share == 1.0 or most == 0.0:
+        if share == 1.0 or self._max_rev_min == 0.0:
             return rev_min
+        most = min(self._max_rev_min, self._limit)
         return max(-most, min(most, rev_min * share))
 
     def _arrive(self, told: Piece, modes: Modes, ticks: int) -> None:
@@ -436,6 +438,7 @@ class Peripherals:
         self._arriving += ticks
         if late < 0:
             self._wanted = (told.spindle_rev_min, told.coolant, told.open_clamps)
+            self._limit = told.max_rev_min
             self._coupling.end()
             self.switch(told.outputs)
             self._awaited, self._was_other = told.awaits, False

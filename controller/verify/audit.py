@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine
-from controller.messages import Said, said
+from controller.messages import Message, message
 from controller.motion.motions import SurfaceCut
 from controller.plan.report.stored import Overcut
 from controller.plan.report.verdict import Verdict
@@ -90,12 +90,14 @@ def audit(
     exceeding = [one for one in findings.verdicts if not one.within]
     if exceeding and machine.gouge == "refuse":
         raise _form_refusal(findings.verdicts, places, name)
-    notes = [Note(_place(places, one.by_line), one.told("gouge.told")) for one in found]
-    notes += [Note(_place(places, one.by_line), one.told("gouge.overcut_told")) for one in findings.ends]
-    told = [(one.line, said("form.told", sentence=wording.exceeds(one))) for one in exceeding]
+    notes = [Note(_place(places, one.by_line), one.with_advice("gouge.told")) for one in found]
+    notes += [
+        Note(_place(places, one.by_line), one.with_advice("gouge.overcut_told")) for one in findings.ends
+    ]
+    told = [(one.line, message("form.told", sentence=wording.exceeds(one))) for one in exceeding]
     notes += [Note(places[line], sentence) for line, sentence in told]
     if watched.left_out:
-        notes.append(Note(Place(1, 1), said("note.left_out", count=watched.left_out)))
+        notes.append(Note(Place(1, 1), message("note.left_out", count=watched.left_out)))
     return Audit(notes, findings.overcuts, findings.verdicts)
 
 
@@ -115,21 +117,21 @@ def _place(places: Mapping[int, Place], line: int) -> Place:
 
 
 def _refusal(found: list[Gouge], place: Place, name: str) -> ProgramError:
-    why = found[0].told("gouge.refused", more=_more(len(found) - 1))
+    why = found[0].with_advice("gouge.refused", more=_more(len(found) - 1))
     return place.refusal(name, why)
 
 
-def _more(count: int) -> Said | str:
+def _more(count: int) -> Message | str:
     """How many others there are."""
-    return said("gouge.more", more=count) if count else ""
+    return message("gouge.more", more=count) if count else ""
 
 
 def _form_refusal(verdicts: list[Verdict], places: Mapping[int, Place], name: str) -> ProgramError:
     one, more = wording.worst(verdicts), sum(not other.within for other in verdicts) - 1
     assert one is not None
-    why = said("form.refused", sentence=wording.exceeds(one), more=_more(more))
+    why = message("form.refused", sentence=wording.exceeds(one), more=_more(more))
     refused = places[one.line].refusal(name, why, FormRefused)
-    refused.facts = {"verdict": wording.told(verdicts)}
+    refused.facts = {"verdict": wording.to_json(verdicts)}
     return refused
 
 

@@ -40,7 +40,7 @@ POSES = 241
 STARTS = 6  # the motion that was found, the offset normals, and some way off both
 STEPS = 30
 NOTHING_MM = 2e-5  # off: nothing is sought below that
-MOST_TURNS = 5000  # of one linear program
+MAX_TURNS = 5000  # of one linear program
 SETTLED = 2e-3  # gain of a step, as a share, below which a search ends
 OWN_POINTS, OWN_POSES = (129, 25), 2001
 BELOW_UPPER = 0.02  # of the ruling: at C0 itself there may be no normal
@@ -226,7 +226,7 @@ class _Motion:
             b_ub=np.concatenate([-y, y]),
             bounds=limits,
             method="highs",
-            options={"maxiter": MOST_TURNS},
+            options={"maxiter": MAX_TURNS},
         )
         return np.zeros(slopes.shape[1]) if found.x is None else np.asarray(found.x[:-1])
 

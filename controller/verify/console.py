@@ -74,10 +74,10 @@ spoken: ContextVar[str] = ContextVar("spoken", default=messages.DEFAULT)  # in w
 
 def say(key: str, **values: object) -> str:
     """A text of the catalogue in that language."""
-    return in_words(messages.said(key, **values))
+    return in_words(messages.message(key, **values))
 
 
-def in_words(text: messages.Said | None) -> str:
+def in_words(text: messages.Message | None) -> str:
     """A text in that language; "" for none."""
     return messages.text(text, spoken.get())
 
@@ -142,7 +142,7 @@ class EndedAsAsked(Refused):
     exit_code = 4
 
 
-def as_asked(result: str, sentence: str = "", /, **values: Any) -> EndedAsAsked:
+def ended_as_requested(result: str, sentence: str = "", /, **values: Any) -> EndedAsAsked:
     """The end of a run that was held or stopped, or got the fault, that somebody has asked for.
 
     ``sentence`` goes before that of the end; of ``values`` the line is named in it, and all are its facts.
@@ -163,7 +163,7 @@ def refusals(as_json: bool, expected: Callable[[], tuple[type[Exception], ...]])
         _refuse(as_json, str(error), error.facts, error.exit_code)
     except OSError as error:
         key = "os_error_of" if error.filename else "os_error"
-        why = messages.said(key, file=error.filename, why=error)
+        why = messages.message(key, file=error.filename, why=error)
         _refuse(as_json, messages.text(why, spoken.get()), {})
     except _of_programs() as error:
         place = {"file": error.file, "line": error.line, "column": error.column}
@@ -195,7 +195,11 @@ def _plain(value: Any) -> Any:
 
 def _refuse(as_json: bool, sentence: str, facts: dict[str, Any], exit_code: int = 1) -> NoReturn:
     if as_json:
-        print(json.dumps({"ok": False, "error": sentence, **_plain(messages.told(facts, spoken.get()))}))
+        print(
+            json.dumps(
+                {"ok": False, "error": sentence, **_plain(messages.with_sentences(facts, spoken.get()))}
+            )
+        )
     else:
         tell.print(sentence, markup=False)
     raise typer.Exit(exit_code)

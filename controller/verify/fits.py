@@ -20,8 +20,8 @@ from controller.geometry.surfaces import Surface
 from controller.geometry.vectors import Frame
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine, Tool
-from controller.messages import Said
-from controller.plan.path.path import Tracer
+from controller.messages import Message
+from controller.plan.path.path import PathBuilder
 from controller.plan.surfaces import choices
 from controller.plan.surfaces.cuts import surface_of
 from controller.program.position import homed
@@ -50,7 +50,7 @@ class Best:
     tool: int | None  # the largest of the tool table that keeps it
     tool_radius_mm: float | None
     tool_placement: str
-    why: Said | str = ""  # none keeps it: what the last trial was refused for, or gouged; "": it exceeded
+    why: Message | str = ""  # none keeps it: what the last trial was refused for, or gouged; "": it exceeded
 
     def to_dict(self) -> dict[str, Any]:
         return {name: getattr(self, name) for name in self.__slots__ if name != "why"}
@@ -100,7 +100,7 @@ class Trial(NamedTuple):
     """How far a cut leaves its surface off at most, mm; inf where it is refused or gouges, and why."""
 
     off_mm: float
-    why: Said | str = ""
+    why: Message | str = ""
 
 
 Row = tuple[Strategy, float, Trial]  # a placement, the largest radius in it, and its trial
@@ -113,7 +113,7 @@ def trial(asked: Asked, tool: Tool, strategy: Strategy, tolerance_mm: float) -> 
     block, kinematics, start = replace(asked.block, modal=modal), kinematics_of(machine), homed(machine)
     try:
         chosen = choices.choices([block], machine, kinematics, start, "")
-        watched = Watched(Tracer("", machine, kinematics, start, chosen).items([block]))
+        watched = Watched(PathBuilder("", machine, kinematics, start, chosen).items([block]))
         for _ in watched:
             pass
     except ProgramError as refused:
@@ -121,7 +121,7 @@ def trial(asked: Asked, tool: Tool, strategy: Strategy, tolerance_mm: float) -> 
     fitted = passes.Fitted.of([block], machine)
     found = findings_of(watched.stretches, fitted, machine, kinematics)
     if found.gouges:
-        return Trial(math.inf, found.gouges[0].said)
+        return Trial(math.inf, found.gouges[0].message)
     return Trial(max(one.largest_mm for one in found.verdicts))
 
 

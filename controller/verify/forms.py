@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 from controller.geometry.placement import Strategy
 from controller.machine.model import JOINT_TOLERANCE_DEG
 from controller.plan.report.verdict import Verdict
-from controller.verify.looks import Look
+from controller.verify.looks import SurfaceGrid
 from controller.verify.nominal import Nominal, peaks
 
 Array = NDArray[np.float64]
 
-SURELY = 0.5  # of the tolerance: what is off by less on the grid is not zoomed into
-LIKELY = 0.1  # the same, beside a pivot
+SURE_SHARE = 0.5  # of the tolerance: what is off by less on the grid is not zoomed into
+LIKELY_SHARE = 0.1  # the same, beside a pivot
 ZOOMED, FEW = 16, 3  # places of each sign, at first and at last
 STEPS, POINTS = 8, 5  # of a zoom
 FEWEST, SETTLED_MM = 2, 1e-6  # it ends where a step after these gains less
@@ -30,7 +30,7 @@ BESIDE_UP = ("lead in", "lead out", "link", "plunge", "lift")
 MIN_RADIUS_MM = 0.05  # a smaller cutter is no advice
 
 
-def verdict(look: Look) -> Verdict | None:
+def verdict(look: SurfaceGrid) -> Verdict | None:
     """Of one surface, once its ``hurts`` have been asked for; None where it has no tolerance."""
     nominal = look.nominal
     if nominal.tolerance_mm is None:
@@ -55,11 +55,11 @@ def verdict(look: Look) -> Verdict | None:
     return made if made.within else _advised(made, look)
 
 
-def _worst(look: Look, sign: float, tolerance_mm: float) -> tuple[float, float, float]:
+def _worst(look: SurfaceGrid, sign: float, tolerance_mm: float) -> tuple[float, float, float]:
     """The largest amount (mm, without the allowance) of one sign, and its u and v."""
     left = np.where(np.isfinite(look.left), look.left, look.nominal.tool.radius_mm)
     size = _net(look, left, sign)
-    if float(size.max()) < SURELY * tolerance_mm:
+    if float(size.max()) < SURE_SHARE * tolerance_mm:
         starts = np.array([int(np.argmax(size))])
         return _measured(look, look.u[starts], look.v[starts], size[starts], sign)
     starts = peaks(size, look.shape[1], ZOOMED)
@@ -68,7 +68,7 @@ def _worst(look: Look, sign: float, tolerance_mm: float) -> tuple[float, float, 
 
 
 def _climbed(
-    look: Look, u: Array, v: Array, sign: float, best: tuple[float, float, float]
+    look: SurfaceGrid, u: Array, v: Array, sign: float, best: tuple[float, float, float]
 ) -> tuple[float, float, float]:
     """The largest amount about some places (K,), from the best of them: amount, u, v."""
     half = 1.0 / (np.array(look.shape) - 1.0)
@@ -82,7 +82,7 @@ def _climbed(
     return best
 
 
-def _in_corners(look: Look, tolerance_mm: float) -> tuple[float, float, float]:
+def _in_corners(look: SurfaceGrid, tolerance_mm: float) -> tuple[float, float, float]:
     """The deepest overcut (mm) beside a pivot, its u and v: too narrow for the points of the grid.
 
     In a concave corner the cutter stands deepest in either surface as far from the joint as its tip turns.
@@ -97,10 +97,10 @@ def _in_corners(look: Look, tolerance_mm: float) -> tuple[float, float, float]:
         return 0.0, 0.0, 0.0
     u, v = (m.ravel() for m in np.meshgrid(np.append(away, 1.0 - away), np.linspace(0.0, 1.0, POINTS)))
     best = _measured(look, u, v, np.zeros(len(u)), -1.0)
-    return _climbed(look, u, v, -1.0, best) if best[0] > LIKELY * tolerance_mm else best
+    return _climbed(look, u, v, -1.0, best) if best[0] > LIKELY_SHARE * tolerance_mm else best
 
 
-def _zoomed(look: Look, u: Array, v: Array, half: Array, sign: float) -> tuple[Array, Array, Array]:
+def _zoomed(look: SurfaceGrid, u: Array, v: Array, half: Array, sign: float) -> tuple[Array, Array, Array]:
     """The largest amounts on small grids about places (K,), and where they are."""
     x, y = (m.ravel() for m in np.meshgrid(*2 * [np.linspace(-1.0, 1.0, POINTS)], indexing="ij"))
     a = np.clip(u[:, None] + half[0] * x, 0.0, 1.0)
@@ -111,12 +111,12 @@ def _zoomed(look: Look, u: Array, v: Array, half: Array, sign: float) -> tuple[A
     return amount[rows, most], a[rows, most], b[rows, most]
 
 
-def _net(look: Look, t: Array, sign: float) -> Array:
+def _net(look: SurfaceGrid, t: Array, sign: float) -> Array:
     """Amounts of one sign: overcut counts from the surface, what is left from its allowance."""
     return -t if sign < 0.0 else t - look.nominal.allowance_mm
 
 
-def _measured(look: Look, u: Array, v: Array, near: Array, sign: float) -> tuple[float, float, float]:
+def _measured(look: SurfaceGrid, u: Array, v: Array, near: Array, sign: float) -> tuple[float, float, float]:
     """The largest of some places along their normals; where no normal meets a cut, by its distance."""
     t = look.deviation(u, v)
     amount = np.where(np.isnan(t), near, _net(look, t, sign))
@@ -133,7 +133,7 @@ def _height_mm(nominal: Nominal, u: float, v: float) -> float:
 # ---- what helps --------------------------------------------------------------------
 
 
-def _advised(made: Verdict, look: Look) -> Verdict:
+def _advised(made: Verdict, look: SurfaceGrid) -> Verdict:
     """With what helps: by the motion that is too deep there, or stays off."""
     keys, radius = list[str](), 0.0
     bend = float(look.nominal.hollow(np.array([made.u]), np.array([made.v]))[0])
@@ -156,7 +156,7 @@ def _advised(made: Verdict, look: Look) -> Verdict:
     return replace(made, remedies=(*keys, size), radius_mm=radius if size == "radius" else 0.0)
 
 
-def _better_placements(look: Look) -> list[str]:
+def _better_placements(look: SurfaceGrid) -> list[str]:
     """Those that may deviate less than the one that the program asks for."""
     better = {Strategy.SINGLE: ["double", "optimal"], Strategy.DOUBLE: ["optimal"]}
     return better.get(look.nominal.placement, [])

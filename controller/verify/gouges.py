@@ -27,14 +27,14 @@ from numpy.typing import NDArray
 
 from controller.geometry.vectors import Vector
 from controller.machine.model import Tool, WorkTable
-from controller.messages import Key, Said, said, text
+from controller.messages import Key, Message, message, text
 from controller.plan.report.stored import Overcut
 from controller.plan.report.verdict import Verdict
 from controller.plan.stretch import motion_named
 from controller.plan.surfaces.leads import LEADS
 from controller.verify import forms
 from controller.verify.bodies import Body, whole
-from controller.verify.looks import MIN_MM, NOT_CUT, Hurt, Look, blunts_of
+from controller.verify.looks import MIN_MM, NOT_CUT, Hurt, SurfaceGrid, blunts_of
 from controller.verify.nominal import Nominal
 from controller.verify.passes import extent_mm, height_mm
 from controller.verify.sweep import Pass, Sweep
@@ -83,27 +83,27 @@ class Gouge:
         return {name: getattr(self, name) for name in self.__slots__}
 
     @property
-    def said(self) -> Said:
+    def message(self) -> Message:
         """What happens where, for people; without a full stop."""
         x, y, z = self.place
-        at = said("gouge.at", x=x, y=y, z=z)
+        at = message("gouge.at", x=x, y=y, z=z)
         if self.u is not None:
-            at = said("gouge.at_uv", u=self.u, v=self.v, x=x, y=y, z=z)
-        return said(
+            at = message("gouge.at_uv", u=self.u, v=self.v, x=x, y=y, z=z)
+        return message(
             f"gouge.{self.kind.replace(' ', '_')}",
             tool=self.tool,
             depth=self.depth_mm,
             bound=self.bound_mm,
             at=at,
-            motion=said("gouge.motion", motion=motion_named(self.by), line=self.by_line),
-            whose="" if self.line == self.by_line else said("gouge.of_line", line=self.line),
+            motion=message("gouge.motion", motion=motion_named(self.by), line=self.by_line),
+            whose="" if self.line == self.by_line else message("gouge.of_line", line=self.line),
             body=Key(f"gouge.body.{self.body}") if self.body else "",
         )
 
     @property
     def sentence(self) -> str:
         """In English."""
-        return text(self.said)
+        return text(self.message)
 
     @property
     def advice(self) -> Key:
@@ -111,9 +111,9 @@ class Gouge:
             return Key("gouge.do.side_or_lead" if self.by in LEADS else "gouge.do.side")
         return Key(ADVICE[self.kind])
 
-    def told(self, key: str, **values: object) -> Said:
-        """Both in one text."""
-        return said(key, what=self.said, advice=self.advice, **values)
+    def with_advice(self, key: str, **values: object) -> Message:
+        """Its message and its advice in one text."""
+        return message(key, what=self.message, advice=self.advice, **values)
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,14 +172,14 @@ class _Looks:
             found.append((hurts, _overcut(look), forms.verdict(look)))
         return found
 
-    def _cuts(self, line: int) -> list[Look]:
+    def _cuts(self, line: int) -> list[SurfaceGrid]:
         return [self._look(k) for k in self._of_line.get(line, ())]
 
     @cached_property
-    def _look(self) -> Callable[[int], Look]:
+    def _look(self) -> Callable[[int], SurfaceGrid]:
         sweeps = {t: Sweep(rows, height_mm(t, self._surfaces)) for t, rows in self._passes.items() if rows}
         blunts = blunts_of(sweeps, extent_mm(self._surfaces))
-        return lru_cache(LOOKED_AT)(lambda k: Look(self._surfaces[k], sweeps, blunts, self._errors_mm))
+        return lru_cache(LOOKED_AT)(lambda k: SurfaceGrid(self._surfaces[k], sweeps, blunts, self._errors_mm))
 
     @cached_property
     def _of_line(self) -> dict[int, list[int]]:
@@ -189,13 +189,13 @@ class _Looks:
         return of_line
 
 
-def _overcut(look: Look) -> Overcut:
+def _overcut(look: SurfaceGrid) -> Overcut:
     """By depth, as gouges are found; told along the normal, as ``judge`` does."""
     u, v, depth = look.deepest(look.whole_cut)
     return Overcut(look.nominal.line, max(depth, look.overcut(u, v)), u, v)
 
 
-def _gouge(look: Look, hurt: Hurt) -> Gouge:
+def _gouge(look: SurfaceGrid, hurt: Hurt) -> Gouge:
     u, v, depth = look.deepest(hurt)
     by, line = hurt.by, look.nominal.line
     place = look.nominal.place(u, v)

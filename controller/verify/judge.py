@@ -233,7 +233,7 @@ class Field:
         cell = (1.0 / (along - 1), 1.0 / (across - 1))
         look = partial(self._worst, t, (u, v), cell, (0.0, 1.0))
         cut = np.where(uncut, np.nan, t)
-        return self._told(cut, (look(-1.0), look(1.0)), np.inf), self._map(cut, (u, v), across)
+        return self._zone(cut, (look(-1.0), look(1.0)), np.inf), self._map(cut, (u, v), across)
 
     def zone(self, low: float, high: float) -> tuple[Zone, Map]:
         """Over low <= u <= high, on grids that are doubled until the largest deviations stand."""
@@ -251,7 +251,7 @@ class Field:
                 break
             along, across = 2 * along - 1, 2 * across - 1
         cut = np.where(uncut, np.nan, t)
-        return self._told(cut, worst, settled), self._map(cut, (u, v), len(distinct(v)))
+        return self._zone(cut, worst, settled), self._map(cut, (u, v), len(distinct(v)))
 
     def _worst(
         self,
@@ -293,7 +293,7 @@ class Field:
         best, rows = np.argmax(size, axis=1), np.arange(len(a))
         return u[rows, best], v[rows, best], size[rows, best]
 
-    def _told(self, t: Array, worst: tuple[Worst | None, Worst | None], settled: float) -> Zone:
+    def _zone(self, t: Array, worst: tuple[Worst | None, Worst | None], settled: float) -> Zone:
         amount = np.abs(t[~np.isnan(t)])
         shares = np.percentile(amount, PERCENTILES) if len(amount) else np.zeros(len(PERCENTILES))
         return Zone(

@@ -54,7 +54,7 @@ FEWEST_ZOOMS, SETTLED_MM = 2, 1e-6  # a zoom ends where a step after these gains
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class By:
+class ToolSweep:
     """Motions of one line, and the body of the tool that hurts in them."""
 
     sweep: Sweep
@@ -79,7 +79,7 @@ class By:
         found = nearest(point, self.sweep, self.body)
         return self.sweep.passes[int(self.sweep.owner[found.sample[0]])].line_at(float(found.s[0]))
 
-    def during(self, i: int) -> By:
+    def during(self, i: int) -> ToolSweep:
         """One of its motions alone."""
         one = self.sweep.passes[i]
         return replace(self, sweep=self.sweep.only([i]), line=one.line, name=one.name)
@@ -91,15 +91,15 @@ class Hurt:
 
     kind: str
     depth: Array
-    by: By
+    by: ToolSweep
     bound_mm: float = 0.0  # as that of ``Gouge``
     body: str = ""  # of the tool, where it is not its cutter
 
 
-def blunts_of(sweeps: Mapping[Tool, Sweep], extent_mm: float) -> list[By]:
+def blunts_of(sweeps: Mapping[Tool, Sweep], extent_mm: float) -> list[ToolSweep]:
     """What of each tool does not cut, on its way; ``extent_mm`` is that of all surfaces."""
     return [
-        By(sweep.lifted(body.bottom_mm, body.top_mm), body.from_its_foot, 0, "", tool)
+        ToolSweep(sweep.lifted(body.bottom_mm, body.top_mm), body.from_its_foot, 0, "", tool)
         for tool, sweep in sweeps.items()
         for body in blunt(tool, extent_mm)
     ]
@@ -115,11 +115,15 @@ def _depth(points: Array, sweep: Sweep, body: Body) -> Array:
     return depth
 
 
-class Look:
+class SurfaceGrid:
     """One surface on a grid, and how deep each of its points gets into the tools."""
 
     def __init__(
-        self, nominal: Nominal, sweeps: Mapping[Tool, Sweep], blunts: Sequence[By], errors_mm: float = 0.0
+        self,
+        nominal: Nominal,
+        sweeps: Mapping[Tool, Sweep],
+        blunts: Sequence[ToolSweep],
+        errors_mm: float = 0.0,
     ) -> None:
         """``blunts``: what does not cut, by ``blunts_of``; ``errors_mm``: of drives, motion to motion."""
         self.nominal = nominal
@@ -233,7 +237,7 @@ class Look:
 
     # ---- what is told ------------------------------------------------------------
 
-    def hurts(self, cuts: Callable[[int], Sequence[Look]], most_mm: float | None) -> Iterator[Hurt]:
+    def hurts(self, cuts: Callable[[int], Sequence[SurfaceGrid]], most_mm: float | None) -> Iterator[Hurt]:
         """The deepest of each kind; ``cuts`` are the looks of each line, ``most_mm`` what twist may cost."""
         own = self.whole_cut.by
         hollow = np.where(self._hollows(), self.own, 0.0)
@@ -257,7 +261,7 @@ class Look:
         radius = tool.radius_mm + height * np.tan(tool.taper_rad)
         return np.asarray(self.nominal.hollow(self.u, self.v) * radius > 1.0 + 1e-9)
 
-    def _others(self) -> Iterator[By]:
+    def _others(self) -> Iterator[ToolSweep]:
         """Other motions, those of one line and name together."""
         for tool, sweep in self._sweeps.items():
             groups: dict[tuple[int, str], list[int]] = {}
@@ -265,10 +269,10 @@ class Look:
                 if not self._is_own(one):
                     groups.setdefault((one.line, one.name), []).append(i)
             for (line, name), members in groups.items():
-                yield By(sweep.only(members), cutter(tool), line, name, tool)
+                yield ToolSweep(sweep.only(members), cutter(tool), line, name, tool)
 
     def _other(
-        self, by: By, cuts_of: Callable[[int], Sequence[Look]], most_mm: float | None
+        self, by: ToolSweep, cuts_of: Callable[[int], Sequence[SurfaceGrid]], most_mm: float | None
     ) -> Iterator[Hurt]:
         """What another motion takes beyond the own cut; ``cuts_of`` gives those of its line."""
         distance = by.distance(self.points, np.maximum(self.left, -self.own - self._harmless_mm))
@@ -294,7 +298,7 @@ class Look:
         elif ended.any():
             yield Hurt("end", ended, by, twist)
 
-    def _beside(self, by: By, cuts: Sequence[Look], of: Flags) -> Flags:
+    def _beside(self, by: ToolSweep, cuts: Sequence[SurfaceGrid], of: Flags) -> Flags:
         """Points (N,) within a radius of where the cuts of a motion's line end, or go if it is a cut.
 
         Only those ``of`` which it matters.
@@ -340,7 +344,7 @@ class Look:
         for tool, sweep in self._sweeps.items():
             if not tool.centre_cutting:
                 down = [part for one in sweep.passes for part in one.plunges()]
-                by = By(Sweep(down, sweep.height_mm), cutter(tool), 0, "", tool)
+                by = ToolSweep(Sweep(down, sweep.height_mm), cutter(tool), 0, "", tool)
                 yield from self._in_stock(by, by.distance(self.points, touch) < touch, "plunge")
 
     @property
@@ -349,14 +353,14 @@ class Look:
         tolerance = self.nominal.tolerance_mm
         return max(self._harmless_mm, 0.0 if tolerance is None else tolerance)
 
-    def _motion_of(self, by: By, depth: Array) -> By:
+    def _motion_of(self, by: ToolSweep, depth: Array) -> ToolSweep:
         """The motion that is deepest."""
         k = int(np.argmax(depth))
         found = nearest(self.points[k : k + 1], by.sweep, by.body)
         one = by.sweep.passes[int(by.sweep.owner[found.sample[0]])]
         return replace(by, line=one.line, name=one.name)
 
-    def _in_stock(self, by: By, touched: Flags, kind: str) -> Iterator[Hurt]:
+    def _in_stock(self, by: ToolSweep, touched: Flags, kind: str) -> Iterator[Hurt]:
         """Where a body comes to points of the grid (``touched``) that still stand: the worst motion."""
         rest, worst = np.flatnonzero(touched), list[Hurt]()
         order = [one.order for one in by.sweep.passes]
@@ -393,7 +397,7 @@ class Look:
     @property
     def whole_cut(self) -> Hurt:
         """The twist itself: what the own cut takes where it is in place."""
-        by = By(self._passes(self._is_own), self._cutter, self.nominal.line, "cut", self.nominal.tool)
+        by = ToolSweep(self._passes(self._is_own), self._cutter, self.nominal.line, "cut", self.nominal.tool)
         return Hurt("overcut", self.own, by)
 
     def deviation(self, u: Array, v: Array) -> Array:

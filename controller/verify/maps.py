@@ -22,7 +22,7 @@ from controller.verify.nominal import Nominal
 GRID = (33, 9)  # along, across
 TICKS = 4  # of a map's axis along
 FINE = 50  # parts between two of them
-MOST = 40  # surfaces that get a map: those of a program's beginning
+MAX_MAPS = 40  # surfaces that get a map: those of a program's beginning
 
 
 def maps(
@@ -39,11 +39,11 @@ def maps(
     surfaces = passes.nominals(stretches, fitted)
     if not surfaces:
         return {}
-    near = passes.planned(stretches, surfaces[:MOST], fitted, kinematics, rough=True)
+    near = passes.planned(stretches, surfaces[:MAX_MAPS], fitted, kinematics, rough=True)
     cutting = Cutting(near, surfaces)
-    rows = [_row(one, *Field(one, cutting).once(*GRID)) for one in surfaces[:MOST]]
+    rows = [_row(one, *Field(one, cutting).once(*GRID)) for one in surfaces[:MAX_MAPS]]
     deepest = {name: max(row[name] for row in rows) for name in ("overcut_mm", "undercut_mm")}
-    return {**deepest, "surfaces": rows, "left_out": max(0, len(surfaces) - MOST)}
+    return {**deepest, "surfaces": rows, "left_out": max(0, len(surfaces) - MAX_MAPS)}
 
 
 def _row(nominal: Nominal, zone: Zone, seen: Map) -> dict[str, Any]:

@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 ALONG, ACROSS = 257, 9  # of the table of lengths and of the bounds
-FEW = 32  # surfaces whose tables are kept
+MAX_TABLES = 32  # surfaces whose tables are kept
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,14 +123,14 @@ class Nominal:
 
 
 # Of the surfaces that are looked at just now: there may be thousands, and these are large.
-@remembered(FEW)
+@remembered(MAX_TABLES)
 def _table(nominal: Nominal) -> Array:
     """Points (ALONG, ACROSS, 3) on an even grid, table frame."""
     u, v = grid(ALONG, ACROSS)
     return nominal.points(u, v).reshape(ALONG, ACROSS, 3)
 
 
-@remembered(FEW)
+@remembered(MAX_TABLES)
 def _lengths(nominal: Nominal) -> Array:
     """Length from u = 0 along curves of constant v, (ALONG, ACROSS)."""
     steps = np.linalg.norm(np.diff(_table(nominal), axis=0), axis=2)

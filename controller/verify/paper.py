@@ -32,7 +32,7 @@ from controller.geometry.surfaces import Cone, RuledSurface, Surface
 from controller.geometry.vectors import Pose, Vector, angle_between, dot, norm, subtract
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
-from controller.messages import said, text
+from controller.messages import message, text
 from controller.motion.motions import SurfaceCut
 
 Array = NDArray[np.float64]
@@ -117,7 +117,7 @@ class PaperComparison:
         """Plain lists, dicts and numbers, for JSON; in English, as names of what was computed."""
         found = asdict(self)
         for row in (*found["methods"], *found["parts"]):
-            row |= {key: text(said(row[key])) for key in ("name", "note") if key in row}
+            row |= {key: text(message(row[key])) for key in ("name", "note") if key in row}
         return found
 
 

@@ -23,8 +23,8 @@ Poses = Callable[[Array], tuple[Array, Array]]  # places s (N,) -> tips (N, 3), 
 
 RUN = 32  # samples of a run
 FEWEST = 9  # samples of a pass
-LEAST = 4  # of them: a cubic needs them
-MOST = 200_000  # samples of a pass
+MIN_SAMPLES = 4  # of them: a cubic needs them
+MAX_SAMPLES = 200_000  # samples of a pass
 FIT_MM = 2e-6  # what the cubic may miss at half height between two samples, at tip and top
 
 
@@ -68,10 +68,10 @@ class Pass:
 
     def part(self, first: int, last: int) -> Pass | None:
         """Samples ``first`` to ``last``, some more where a cubic needs them; None where there are too few."""
-        last = min(max(last, first + LEAST - 1), len(self.s) - 1)
-        first = max(0, min(first, last - LEAST + 1))
+        last = min(max(last, first + MIN_SAMPLES - 1), len(self.s) - 1)
+        first = max(0, min(first, last - MIN_SAMPLES + 1))
         here = slice(first, last + 1)
-        if last - first + 1 < LEAST:
+        if last - first + 1 < MIN_SAMPLES:
             return None
         return replace(self, s=self.s[here], tips=self.tips[here], axes=self.axes[here])
 
@@ -88,10 +88,10 @@ def sampled(
     tips, axes = poses(s)
     closest = float(_step(np.hstack([tips, tips + height_mm * axes])).min())
     if closest >= 2.0 * step_mm:  # all of them are to be halved, and so are the halves
-        while closest >= 2.0 * step_mm and 2 * len(s) < MOST:
+        while closest >= 2.0 * step_mm and 2 * len(s) < MAX_SAMPLES:
             s, closest = _halved(s), 0.5 * closest
         tips, axes = poses(s)
-    while len(s) < MOST:
+    while len(s) < MAX_SAMPLES:
         ends = np.hstack([tips, tips + height_mm * axes])
         wide = _step(ends) > step_mm
         middle = 0.5 * (s[:-1] + s[1:])

@@ -46,7 +46,7 @@ def blocks(rows: Blocks) -> Table:
                 f"{part.length_mm:.2f}",
                 f"{part.time_s:.2f}",
                 _feed(part),
-                "\n".join(told(part.binds)),
+                "\n".join(binding_texts(part.binds)),
             )
             line = ""
     if rows.left_out:
@@ -92,7 +92,7 @@ def _feed(part: Part) -> str:
     return say("table.of", part=mean, whole=f"{part.feed:.0f}") if part.feed else mean
 
 
-def told(found: Sequence[Bound]) -> list[str]:
+def binding_texts(found: Sequence[Bound]) -> list[str]:
     """What binds most, in words: 'programmed feed 54 %', 'C acceleration 43 %'."""
     worth = [bound for bound in found if bound.share >= MIN_SHARE][:MAX_BINDS]
     return [f"{_bound(bound)} {100 * bound.share:.0f} %" for bound in worth]
@@ -113,7 +113,7 @@ def whole(found: Survey, program: str, machine: str) -> str:
     rows.append(say("table.in_all", time=found.duration_s, part=part))
     if found.waits_s:
         rows.append(say("table.waits", time=found.waits_s))
-    if limits := told(found.cut_binds):
+    if limits := binding_texts(found.cut_binds):
         rows.append(say("table.limited", limits=", ".join(limits)))
     return "\n".join(rows)
 
@@ -211,7 +211,7 @@ def _run(values: Mapping[str, Any]) -> Rows:
     yield say("table.cut"), say("table.cut_c1", time=values["cut_time_s"], length=values["cut_length_mm"])
     if limits := values.get("binds"):
         names = (say("table.limited_by"), "", "")
-        yield from zip(names, told([Bound(**one) for one in limits]), strict=False)
+        yield from zip(names, binding_texts([Bound(**one) for one in limits]), strict=False)
     if resumes := values.get("assumed_resumes"):
         yield say("table.stops"), say("table.resumed", count=resumes)
     if left := values.get("events_left"):

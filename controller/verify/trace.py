@@ -31,7 +31,7 @@ from controller.ipc.handoff import COLUMN, of_axes, rows_of
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine
 from controller.machine.plain import plain
-from controller.messages import TextError, said
+from controller.messages import TextError, message
 from controller.motion.motions import Motion, SurfaceCut
 from controller.state.modes import MAX_AXES, Mode
 
@@ -109,7 +109,7 @@ def load(path: str | Path) -> Trace:
     names = {field.name for field in fields(Trace)}
     values: dict[str, Any] = npz.read(path, names)
     if missing := sorted(names - values.keys()):
-        raise TraceError(said("trace.none", path=path, missing=", ".join(missing)))
+        raise TraceError(message("trace.none", path=path, missing=", ".join(missing)))
     values |= {"axes": tuple(map(str, values["axes"])), "machine": str(values["machine"])}
     return Trace(**(values | {"period_s": float(values["period_s"])}))
 
@@ -122,12 +122,12 @@ def of_recording(path: str | Path, machine: Machine, kinematics: Kinematics) -> 
     """
     file = npz.read(path, {"columns", "rows", "period_s"})
     if missing := sorted({"columns", "rows", "period_s"} - file.keys()):
-        raise TraceError(said("trace.no_recording", path=path, missing=", ".join(missing)))
+        raise TraceError(message("trace.no_recording", path=path, missing=", ".join(missing)))
     columns, rows, period_s = tuple(map(str, file["columns"])), file["rows"], float(file["period_s"])
     if not set(columns) >= _NEEDED:
-        raise TraceError(said("trace.other_version", path=path))
+        raise TraceError(message("trace.other_version", path=path))
     if period_s != machine.period_s:
-        raise TraceError(said("trace.other_period", path=path, found=period_s, machine=machine.period_s))
+        raise TraceError(message("trace.other_period", path=path, found=period_s, machine=machine.period_s))
     rows = rows_of(columns, rows)
     first_tick = int(rows[0, COLUMN["tick"]]) if len(rows) else 0
     return from_rows(rows, machine, kinematics, {}, first_tick=first_tick)

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from controller.messages import DEFAULT, LANGUAGES, Key, Said, chain, facts, said
+from controller.messages import DEFAULT, LANGUAGES, Key, Message, chain, facts, message
 from controller.plan.report.verdict import Verdict
 
-MOST = 1000  # surfaces that are told one by one
+MAX_SURFACES = 1000  # surfaces that are told one by one
 
 
 def worst(verdicts: Iterable[Verdict]) -> Verdict | None:
@@ -16,10 +16,10 @@ def worst(verdicts: Iterable[Verdict]) -> Verdict | None:
     return max(verdicts, key=lambda one: (one.exceeds_mm, one.largest_mm / one.tolerance_mm), default=None)
 
 
-def exceeds(one: Verdict) -> Said:
+def exceeds(one: Verdict) -> Message:
     """By how much a surface exceeds its tolerance, where, and what would do; without a full stop."""
     motion = f"form.motion.{one.by}"
-    sentence = said(
+    sentence = message(
         "form.exceeds",
         line=one.line,
         tolerance=f"{one.tolerance_mm:.4g}",
@@ -32,23 +32,25 @@ def exceeds(one: Verdict) -> Said:
         by_line=one.by_line,
     )
     radius = f"{one.radius_mm:.3g}"
-    remedies = [said(f"form.do.{key}", radius=radius, by_line=one.by_line) for key in one.remedies]
-    return said("form.would_do", sentence=sentence, remedies=chain("or", remedies)) if remedies else sentence
+    remedies = [message(f"form.do.{key}", radius=radius, by_line=one.by_line) for key in one.remedies]
+    return (
+        message("form.would_do", sentence=sentence, remedies=chain("or", remedies)) if remedies else sentence
+    )
 
 
-def summed(verdicts: Sequence[Verdict]) -> Said | None:
+def summed(verdicts: Sequence[Verdict]) -> Message | None:
     """One sentence on all surfaces; None where none has a tolerance."""
     one = worst(verdicts)
     if one is None:
         return None
     if not one.within:
-        return said("form.exceeding", text=exceeds(one))
+        return message("form.exceeding", text=exceeds(one))
     off, tolerance = f"{1e3 * one.largest_mm:.1f}", f"{1e3 * one.tolerance_mm:.4g}"
-    return said("form.within", off=off, tolerance=tolerance, line=one.line)
+    return message("form.within", off=off, tolerance=tolerance, line=one.line)
 
 
-def told(verdicts: Sequence[Verdict], most: int = MOST) -> dict[str, Any] | None:
-    """All of it for JSON, ``most`` surfaces one by one; None where none has a tolerance."""
+def to_json(verdicts: Sequence[Verdict], most: int = MAX_SURFACES) -> dict[str, Any] | None:
+    """The verdicts for JSON, ``most`` surfaces one by one; None where none has a tolerance."""
     one = worst(verdicts)
     if one is None:
         return None

@@ -16,7 +16,7 @@ from starlette.responses import Response
 
 STATIC = Path(__file__).parent / "static"
 KINDS = {".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml", ".txt": "text/plain"}
-LEAST = 500  # bytes that are worth packing
+MIN_PACKED_BYTES = 500  # bytes that are worth packing
 _IMPORTED = re.compile(r'^(?:import|export)\b[^"]*"(\.{1,2}/[^"]+)";?$', re.MULTILINE)  # of a module, at once
 
 
@@ -37,7 +37,7 @@ class Packed(NamedTuple):
         headers = {"ETag": self.tag, "Cache-Control": "no-cache", "Vary": "Accept-Encoding"}
         if request.headers.get("if-none-match") == self.tag:
             return Response(status_code=304, headers=headers)
-        packs = "gzip" in request.headers.get("accept-encoding", "") and len(self.body) > LEAST
+        packs = "gzip" in request.headers.get("accept-encoding", "") and len(self.body) > MIN_PACKED_BYTES
         if packs:
             headers["Content-Encoding"] = "gzip"
         return Response(self.packed if packs else self.body, headers=headers, media_type=self.kind)

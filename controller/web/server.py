@@ -58,7 +58,7 @@ async def _log_in(request: Request) -> Response:
 async def _texts(request: Request, language: str) -> Response:
     _open(request)
     if language not in messages.LANGUAGES:
-        raise Refusal.told(404, "missing", "no_page_file", name=language)
+        raise Refusal.of(404, "missing", "no_page_file", name=language)
     return files.Packed.of(
         json.dumps(words(language), ensure_ascii=False).encode(), "application/json"
     ).answer(request)
@@ -67,7 +67,7 @@ async def _texts(request: Request, language: str) -> Response:
 async def _file(request: Request, name: str) -> Response:
     _open(request)
     if name not in files.names():
-        raise Refusal.told(404, "missing", "no_page_file", name=name)
+        raise Refusal.of(404, "missing", "no_page_file", name=name)
     return files.file(name).answer(request)
 
 

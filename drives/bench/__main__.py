@@ -19,14 +19,14 @@ from drives.bench.simulated.io_node import IoNode
 from drives.bench.simulated.parameters import LostSync, Parameters
 from drives.bench.simulated.serve import Server, open_server, run
 from drives.bench.virtual.fault_script import ScriptError
-from drives.texts import english, said
+from drives.texts import english, message
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     parser = _parser()
     chosen = parser.parse_args(arguments)
     if (chosen.path is None) == (chosen.socketcan is None):
-        parser.error(english(said("bench.either")))
+        parser.error(english(message("bench.either")))
     try:
         with options.equipped(_server(chosen), chosen.faults, chosen.log, chosen.serial) as served:
             run(served, _devices(chosen), sync_log=chosen.sync_log)

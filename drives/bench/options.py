@@ -17,7 +17,7 @@ from drives.bus import AdapterSocket, BusError, FrameSocket, SlcanPort
 from drives.log import candump
 from drives.ports.error_frames import CONTROLLER, lost_frame, overflow_frame
 from drives.settings import BusSettings
-from drives.texts import english, said
+from drives.texts import english, message
 
 # An adapter shared by several processes: its CAN bus joined to the hub's.
 #
@@ -89,7 +89,7 @@ S = TypeVar("S", bound=Served)
 
 def helped(option: str) -> str:
     """What an option does, in English: nothing around it has another language."""
-    return english(said(f"help_bench.{option}"))
+    return english(message(f"help_bench.{option}"))
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -130,7 +130,7 @@ def equipped(
 def _adapter(host: Host, serial: str) -> SharedAdapter:
     channel, _, rate = serial.rpartition("=")
     if not channel or not rate.isdecimal():
-        raise BusError(said("bus.no_serial", serial=serial))
+        raise BusError(message("bus.no_serial", serial=serial))
     settings = BusSettings(channel, "slcan", channel, int(rate))
     return SharedAdapter(host, bus.open(settings, EVERYTHING))
 
@@ -140,4 +140,4 @@ def read_script(path: Path) -> FaultScript:
     try:
         return FaultScript.read(path.read_text())
     except ScriptError as error:
-        raise ScriptError(said("script.file", file=path, why=error)) from None
+        raise ScriptError(message("script.file", file=path, why=error)) from None

@@ -17,7 +17,7 @@ from canopen.objectdictionary import ObjectDictionary, ODVariable, eds
 
 from drives.commissioning import sheet
 from drives.commissioning.sheet import INTEGERS, SheetError
-from drives.texts import said
+from drives.texts import message
 
 Value = int | float | str | bytes
 Place = tuple[int, int]  # index, sub-index
@@ -90,7 +90,7 @@ def read(path: Path) -> Kept:
     try:
         text = path.read_bytes().decode("latin-1")
     except OSError as error:
-        raise SheetError(said("sheet.dcf_unreadable", path=path, why=error)) from error
+        raise SheetError(message("sheet.dcf_unreadable", path=path, why=error)) from error
     node = _node(text)
     about = sheet.read(text, path.name, node or 1)
     found = {
@@ -99,7 +99,7 @@ def read(path: Path) -> Kept:
         if entry.value is not None
     }
     if not found:
-        raise SheetError(said("sheet.no_values", name=path.name))
+        raise SheetError(message("sheet.no_values", name=path.name))
     return Kept(path.name, node, about.identities(1), about.identities(2), found)
 
 

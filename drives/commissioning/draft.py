@@ -15,7 +15,7 @@ from drives.commissioning import possible
 from drives.commissioning.sheet import Sheet
 from drives.profile import STANDARD_HOMING, CyclicMode, Profile, Supervision
 from drives.settings import MasterSettings, NodeSettings
-from drives.texts import Said, said
+from drives.texts import Message, message
 
 # What a drive may lack: whatever reads them does without (CiA 402-2; 6502h, 60F4h: the feedback says it).
 DISPENSABLE = (0x603F, 0x6066, 0x6099, 0x609A, 0x60B1, 0x60C4, 0x60C5, 0x60F4, 0x6502)
@@ -41,13 +41,13 @@ class Draft:
     """A profile, what is to be said of its keys, and what no profile can mend."""
 
     profile: Profile
-    notes: dict[str, Said]  # by key of the profile file
-    problems: tuple[Said, ...]  # none: drives with this sheet are commissioned by it
+    notes: dict[str, Message]  # by key of the profile file
+    problems: tuple[Message, ...]  # none: drives with this sheet are commissioned by it
 
 
 def draft(name: str, sheet: Sheet, master: MasterSettings) -> Draft:
     """The profile of a sheet, judged at the master's period or the shortest that the sheet allows."""
-    notes: dict[str, Said] = {}
+    notes: dict[str, Message] = {}
     missing = tuple(index for index in DISPENSABLE if not sheet.holds(index))
     profile = Profile(name=name, vendor=sheet.identity(1), optional=missing, takes_feed_forward=False)
     profile = replace(profile, **_homing(sheet, notes), **_periods(sheet, notes))
@@ -62,18 +62,18 @@ def draft(name: str, sheet: Sheet, master: MasterSettings) -> Draft:
     if profile.mode is CyclicMode.CSP:
         profile = replace(profile, optional=tuple(index for index in profile.optional if index != BUFFER))
     if not sheet.default(0x60A9) and not sheet.default(0x6096, 1):
-        notes["velocity_unit_counts_s"] = said("draft.velocity_unit_counts_s")
-    notes["mode"] = said(f"draft.mode.{profile.mode.name.lower()}")
-    notes["supervision"] = said(f"draft.supervision.{profile.supervision.value}")
+        notes["velocity_unit_counts_s"] = message("draft.velocity_unit_counts_s")
+    notes["mode"] = message(f"draft.mode.{profile.mode.name.lower()}")
+    notes["supervision"] = message(f"draft.supervision.{profile.supervision.value}")
     for key in ("quick_stop_code", "abort_code", "home_offset"):
-        notes[key] = said(f"draft.{key}.{'none' if getattr(profile, key) is None else 'known'}")
-    notes["feed_forward"] = said(f"draft.feed_forward.{'yes' if profile.takes_feed_forward else 'no'}")
+        notes[key] = message(f"draft.{key}.{'none' if getattr(profile, key) is None else 'known'}")
+    notes["feed_forward"] = message(f"draft.feed_forward.{'yes' if profile.takes_feed_forward else 'no'}")
     return Draft(profile, notes, tuple(_problems(profile, sheet, master)))
 
 
 def _problems(
     profile: Profile, sheet: Sheet, master: MasterSettings, feed_forward: bool = False
-) -> list[Said]:
+) -> list[Message]:
     """What is in the way of an axis that asks for as little as it can."""
     node = NodeSettings(
         profile.name,
@@ -100,19 +100,19 @@ def _feed_forward(profile: Profile, sheet: Sheet, master: MasterSettings) -> Pro
     return next(fits, profile) if sheet.holds(0x60B1) else profile
 
 
-def _homing(sheet: Sheet, notes: dict[str, Said]) -> dict[str, Any]:
+def _homing(sheet: Sheet, notes: dict[str, Message]) -> dict[str, Any]:
     """By 60E3h, else by the limits of 6098h; the standard's where neither says it."""
     if not sheet.writable(0x6098):
-        notes["homing_methods"] = said("draft.homing_methods.fixed")
+        notes["homing_methods"] = message("draft.homing_methods.fixed")
         return {"homing_methods": (sheet.default(0x6098) or 0,)}
     least, most = _limits(sheet, 0x6098, 0)
     within = tuple(method for method in STANDARD_HOMING if least <= method <= most)
     known = sheet.homing_methods or (within if 0 < len(within) < len(STANDARD_HOMING) else ())
-    notes["homing_methods"] = said(f"draft.homing_methods.{'listed' if known else 'unknown'}")
+    notes["homing_methods"] = message(f"draft.homing_methods.{'listed' if known else 'unknown'}")
     return {"homing_methods": known or STANDARD_HOMING}
 
 
-def _periods(sheet: Sheet, notes: dict[str, Said]) -> dict[str, Any]:
+def _periods(sheet: Sheet, notes: dict[str, Message]) -> dict[str, Any]:
     """What 60C2h takes by the sheet; whole milliseconds where its limits are those of its types."""
     limits = _limits(sheet, 0x60C2, 2)
     said_so = limits[0] > ANY_EXPONENT[0] or limits[1] < ANY_EXPONENT[1]
@@ -127,7 +127,7 @@ def _periods(sheet: Sheet, notes: dict[str, Said]) -> dict[str, Any]:
     finest, coarsest = 10.0 ** min(found), 10.0 ** max(found)
     step_s = max(finest, Profile().period_step_s)
     narrow = (least, most) != (0, 255)
-    notes["period_ms"] = said(f"draft.period_ms.{'sheet' if said_so or narrow else 'unknown'}")
+    notes["period_ms"] = message(f"draft.period_ms.{'sheet' if said_so or narrow else 'unknown'}")
     shortest_s = max(SHORTEST_S, step_s, max(least, 1) * finest)
     return {
         "period_exponents": found,

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from drives.commissioning.sheet import Sheet
 from drives.commissioning.wanted import Settings
 from drives.settings import IoSettings, NodeSettings
-from drives.texts import Key, Said, chain, said
+from drives.texts import Key, Message, chain, message
 
 
 @dataclass(frozen=True, slots=True)
@@ -17,14 +17,14 @@ class Word:
 
     sub: int
     wanted: tuple[int, ...]  # any of these: a sheet may contradict itself
-    source: Said
+    source: Message
 
-    def mismatch(self, found: int) -> Said | None:
+    def mismatch(self, found: int) -> Message | None:
         """What is to be said where another node answers; None where it is the right one."""
         if found in self.wanted:
             return None
         wanted = chain("or", [f"{word:#x}" for word in self.wanted])
-        return said("identity.other", **named(self.sub), found=found, source=self.source, wanted=wanted)
+        return message("identity.other", **named(self.sub), found=found, source=self.source, wanted=wanted)
 
 
 def named(sub: int) -> dict[str, object]:
@@ -35,17 +35,17 @@ def named(sub: int) -> dict[str, object]:
 def words_of(settings: Settings, sheet: Sheet) -> Iterator[Word]:
     """Vendor, product code and serial number, as far as anybody says them."""
     profile = None if isinstance(settings, IoSettings) else settings.profile
-    sheets = said("identity.by_sheet", eds=settings.eds)
+    sheets = message("identity.by_sheet", eds=settings.eds)
     for sub, family in ((1, profile.vendor if profile else None), (2, profile.product if profile else None)):
         if wanted := sheet.identities(sub):
             yield Word(sub, wanted, sheets)
         elif family:
-            yield Word(sub, (family,), said("identity.by_profile"))
+            yield Word(sub, (family,), message("identity.by_profile"))
     if isinstance(settings, NodeSettings) and settings.serial:
-        yield Word(4, (settings.serial,), said("identity.by_file"))
+        yield Word(4, (settings.serial,), message("identity.by_file"))
 
 
-def contradictions(sheet: Sheet, found: Mapping[int, int] | None = None) -> Iterator[Said]:
+def contradictions(sheet: Sheet, found: Mapping[int, int] | None = None) -> Iterator[Message]:
     """What is to be said of each word that the head of a sheet and its object 1018h have differently.
 
     ``found``: what the drive says, by sub-index.
@@ -56,6 +56,6 @@ def contradictions(sheet: Sheet, found: Mapping[int, int] | None = None) -> Iter
             head, entry = (f"{word:#x}" for word in words)
             facts = {**named(sub), "sheet": sheet.name, "head": head, "entry": entry}
             if found and sub in found:
-                yield said("identity.contradiction_judged", **facts, drives=f"{found[sub]:#x}")
+                yield message("identity.contradiction_judged", **facts, drives=f"{found[sub]:#x}")
             else:
-                yield said("identity.contradiction", **facts)
+                yield message("identity.contradiction", **facts)

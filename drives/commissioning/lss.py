@@ -14,7 +14,7 @@ from struct import Struct
 from drives import pdo
 from drives.commissioning.identity import named
 from drives.commissioning.network import CommissionError, Network
-from drives.texts import Said, chain, said
+from drives.texts import Message, chain, message
 
 REQUEST, ANSWER = 0x7E5, pdo.LSS_ANSWER
 SWITCH_GLOBAL, SET_NODE, STORE = 0x04, 0x11, 0x17
@@ -25,7 +25,7 @@ INQUIRE, INQUIRE_NODE = 0x5A, 0x5E
 UNCONFIGURED = 255
 WAITING, CONFIGURATION = 0, 1
 RESET_COMMUNICATION, PRE_OPERATIONAL, ALL_NODES = 0x82, 0x80, 0
-ANSWER_S = 0.02  # CiA 305 names no time; drives answer within a few milliseconds
+ANSWER_TIMEOUT_S = 0.02  # CiA 305 names no time; drives answer within a few milliseconds
 BOOT_S = 5.0
 FRAME = Struct("<BI3x")
 SCAN = Struct("<BIBBB")
@@ -36,7 +36,7 @@ Identity = tuple[int, int, int, int]
 class Lss:
     """The master's side on one bus. Everybody on it must be without torque: they are put pre-operational."""
 
-    def __init__(self, network: Network, answer_s: float = ANSWER_S) -> None:
+    def __init__(self, network: Network, answer_s: float = ANSWER_TIMEOUT_S) -> None:
         self._network = network
         self._answer_s = answer_s
         self._answers: list[bytes] = []
@@ -52,11 +52,11 @@ class Lss:
             self._switch(WAITING)
             found = self._single_out(identity)
             before = self._present_node()
-            self._set(SET_NODE, node, said("lss.giving", node=node))
+            self._set(SET_NODE, node, message("lss.giving", node=node))
             self._switch(WAITING)
             self._boot(before, node)
             if identity is None and self._ask(bytes([WITHOUT_ID])):
-                raise CommissionError(said("lss.several", node=node))
+                raise CommissionError(message("lss.several", node=node))
             if store:
                 self._store(found)
             return found
@@ -84,10 +84,12 @@ class Lss:
     def _single_out(self, identity: Identity | None) -> Identity:
         found = self.scan() if identity is None else identity
         if found is None:
-            raise CommissionError(said("lss.nobody"))
+            raise CommissionError(message("lss.nobody"))
         if identity is not None and not self._select(identity):
-            words = [said("identity.word", **named(sub), word=word) for sub, word in enumerate(identity, 1)]
-            raise CommissionError(said("lss.not_found", words=chain("comma", words)))
+            words = [
+                message("identity.word", **named(sub), word=word) for sub, word in enumerate(identity, 1)
+            ]
+            raise CommissionError(message("lss.not_found", words=chain("comma", words)))
         return found
 
     def _select(self, identity: Identity) -> bool:
@@ -118,11 +120,11 @@ class Lss:
         answer = self._ask(bytes([INQUIRE_NODE]))
         return answer[1] if answer[:1] == bytes([INQUIRE_NODE]) else UNCONFIGURED
 
-    def _set(self, command: int, value: int, what: Said) -> None:
+    def _set(self, command: int, value: int, what: Message) -> None:
         answer = self._ask(bytes([command, value]))
         if answer[:1] != bytes([command]) or answer[1]:
-            why = said("lss.error", code=answer[1]) if answer else said("lss.silent")
-            raise CommissionError(said("lss.refused", what=what, why=why))
+            why = message("lss.error", code=answer[1]) if answer else message("lss.silent")
+            raise CommissionError(message("lss.refused", what=what, why=why))
 
     def _boot(self, before: int, node: int) -> None:
         """A drive that had an id takes the new one with its next reset of communication."""
@@ -139,9 +141,9 @@ class Lss:
         booted = self._network.wait(lambda: bool(heard), BOOT_S)
         self._network.hearer = self._hear
         if not booted:
-            raise CommissionError(said("lss.no_boot_up", node=node))
+            raise CommissionError(message("lss.no_boot_up", node=node))
 
     def _store(self, identity: Identity) -> None:
         if not self._select(identity):
-            raise CommissionError(said("lss.gone"))
-        self._set(STORE, 0, said("lss.storing"))
+            raise CommissionError(message("lss.gone"))
+        self._set(STORE, 0, message("lss.storing"))

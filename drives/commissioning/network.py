@@ -17,7 +17,7 @@ import canopen
 from drives import pdo
 from drives.commissioning import sheet
 from drives.text_file import Source
-from drives.texts import Said, TextError, plain, said
+from drives.texts import Message, TextError, message, plain
 
 SDO_REQUEST, SDO_ANSWER_BEFORE = 0x600, 0x80
 ABORT = 0x80
@@ -70,17 +70,17 @@ class Node(Named, Protocol):
     def eds(self) -> Source: ...
 
 
-def title(drive: Named) -> Said:
+def title(drive: Named) -> Message:
     """What a drive is called in sentences."""
-    return said("drive.title", name=drive.name, node=drive.node)
+    return message("drive.title", name=drive.name, node=drive.node)
 
 
-def of_drive(drive: Named, what: Said | BaseException) -> Said:
+def of_drive(drive: Named, what: Message | BaseException) -> Message:
     """What is said of one drive."""
-    return said("drive.of", title=title(drive), why=what)
+    return message("drive.of", title=title(drive), why=what)
 
 
-def without_title(error: CommissionError) -> Said:
+def without_title(error: CommissionError) -> Message:
     """What an error says, without the drive that it is of."""
     return plain(error.said["values"]["why"] if error.said["key"] == "drive.of" else error.said)
 
@@ -146,7 +146,7 @@ class Network(canopen.Network):
             if self._port.send(frame):
                 return
             self._pump()  # its queue may be short, and full
-        raise CommissionError(said("drive.bus_takes_none"))
+        raise CommissionError(message("drive.bus_takes_none"))
 
     def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
         """Send; an SDO request returns when its answer has come or the patience has ended."""

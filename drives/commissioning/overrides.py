@@ -13,7 +13,7 @@ from canopen.objectdictionary import ObjectDictionary, ODRecord, ODVariable
 from canopen.objectdictionary.datatypes import SIGNED_TYPES
 
 from drives.profile import Override
-from drives.texts import Key, Said, said
+from drives.texts import Key, Message, message
 
 # Attribute of an entry as canopen has it, by the field of the override.
 WHAT = {
@@ -28,20 +28,20 @@ TOLD = {"data_type": "type"}  # as the tables call it
 IDENTITY, HEAD = 0x1018, {1: "vendor_number", 2: "product_number", 3: "revision_number"}
 
 
-def apply(dictionary: ObjectDictionary, wanted: Sequence[Override], sheet: str) -> tuple[Said, ...]:
+def apply(dictionary: ObjectDictionary, wanted: Sequence[Override], sheet: str) -> tuple[Message, ...]:
     """Change the dictionary; a sentence for everything that the sheet says otherwise."""
     return tuple(sentence for one in wanted for sentence in _applied(dictionary, one, sheet))
 
 
-def _applied(dictionary: ObjectDictionary, one: Override, sheet: str) -> Iterator[Said]:
-    at = {"where": said("drive.object", index=one.index, sub=one.sub), "sheet": sheet}
+def _applied(dictionary: ObjectDictionary, one: Override, sheet: str) -> Iterator[Message]:
+    at = {"where": message("drive.object", index=one.index, sub=one.sub), "sheet": sheet}
     found = _find(dictionary, one)
     if found is None:
         found = _added(dictionary, one)
         if found is None:
-            yield said("sheet.override_of_nothing", **at)
+            yield message("sheet.override_of_nothing", **at)
             return
-        yield said("sheet.override_added", **at, reason=one.reason)
+        yield message("sheet.override_added", **at, reason=one.reason)
     for field, attribute in WHAT.items():
         value = getattr(one, field)
         before = getattr(found, attribute)
@@ -50,7 +50,7 @@ def _applied(dictionary: ObjectDictionary, one: Override, sheet: str) -> Iterato
         if value is not None and value != before:
             setattr(found, attribute, value)
             values = {"before": _shown(before), "taken": _shown(value)}
-            yield said("sheet.override", **at, field=TOLD.get(field, field), **values, reason=one.reason)
+            yield message("sheet.override", **at, field=TOLD.get(field, field), **values, reason=one.reason)
     if one.index == IDENTITY and one.default is not None and one.sub in HEAD:
         setattr(dictionary.device_information, HEAD[one.sub], one.default)  # the head of a sheet says it, too
 

@@ -17,7 +17,7 @@ from drives.commissioning import sheet
 from drives.commissioning.network import CommissionError, Network, Node, of_drive, title, without_title
 from drives.commissioning.values import in_words
 from drives.commissioning.wanted import Setting, Step, where
-from drives.texts import Key, Said, plain, said
+from drives.texts import Key, Message, message, plain
 
 NMT_START, NMT_PRE_OPERATIONAL = 0x01, 0x80
 BOOT_TRIES, BOOT_TRY_S = 20, 0.1  # a drive may be starting up when we look for it
@@ -44,7 +44,7 @@ class Change:
     sub: int
     was: int | None  # None: it cannot be read
     now: int
-    why: Said
+    why: Message
 
 
 @dataclass(slots=True)
@@ -57,7 +57,7 @@ class Outcome:
     already_so: int = 0  # objects that were right before
     stored: bool = False
     arranged: Arranged | None = None  # its units, and how it stops; of drives only
-    warnings: list[Said] = field(default_factory=list)  # what was accepted all the same
+    warnings: list[Message] = field(default_factory=list)  # what was accepted all the same
 
 
 class Drive:
@@ -71,10 +71,10 @@ class Drive:
         self.outcome = Outcome(settings.name, settings.node)
 
     @property
-    def title(self) -> Said:
+    def title(self) -> Message:
         return title(self.settings)
 
-    def says(self, what: Said) -> Said:
+    def says(self, what: Message) -> Message:
         """What is said of this drive."""
         return of_drive(self.settings, what)
 
@@ -107,12 +107,14 @@ class Drive:
         """Upload. Raises CommissionError."""
         if not self.has(index, sub):
             eds = self.settings.eds
-            raise CommissionError(self.says(said("drive.no_object_to_read", eds=eds, index=index, sub=sub)))
+            raise CommissionError(
+                self.says(message("drive.no_object_to_read", eds=eds, index=index, sub=sub))
+            )
         try:
             return int(self._variable(index, sub).raw)
         except SdoAbortedError as error:
             kind = MissingObjectError if error.code in MISSING else RefusedError
-            what = said("drive.not_read", index=index, sub=sub, why=_aborted(error))
+            what = message("drive.not_read", index=index, sub=sub, why=_aborted(error))
             raise kind(self.says(what)) from error
         except SdoCommunicationError as error:
             raise CommissionError(self._silent(index, sub)) from error
@@ -129,7 +131,7 @@ class Drive:
         except MissingObjectError:
             return None
 
-    def offer(self, setting: Setting, at_least: bool = False) -> tuple[int | None, Said | None]:
+    def offer(self, setting: Setting, at_least: bool = False) -> tuple[int | None, Message | None]:
         """Write what the drive may refuse, unless it is so: what it has then, and why it is not as offered.
 
         ``at_least``: more is as good. None: it has no such object, or keeps it to itself. Raises
@@ -139,17 +141,19 @@ class Drive:
         try:
             before = self.find(*place)
         except RefusedError as error:
-            return None, said("drive.cannot_be_read", **at, why=_aborted(error.__cause__))
+            return None, message("drive.cannot_be_read", **at, why=_aborted(error.__cause__))
         if before is None or before == setting.value or (at_least and before > setting.value):
             self.outcome.already_so += before is not None
             return before, None
         wanted, reads = in_words(*place, setting.value), in_words(*place, before)
         if not self.sheet.writable(*place):
-            return before, said("drive.reads_fixed", **at, reads=reads)
+            return before, message("drive.reads_fixed", **at, reads=reads)
         try:
             self._variable(*place).raw = setting.value
         except SdoAbortedError as error:
-            return before, said("drive.offer_refused", **at, wanted=wanted, why=_aborted(error), reads=reads)
+            return before, message(
+                "drive.offer_refused", **at, wanted=wanted, why=_aborted(error), reads=reads
+            )
         except SdoCommunicationError as error:
             raise CommissionError(self._silent(*place)) from error
         except MISFITS as error:
@@ -159,7 +163,7 @@ class Drive:
             self.outcome.changes.append(Change(*place, before, found, plain(setting.why)))
         if found >= setting.value if at_least else found == setting.value:
             return found, None
-        return found, said("drive.set_and_reads", **at, wanted=wanted, reads=in_words(*place, found))
+        return found, message("drive.set_and_reads", **at, wanted=wanted, reads=in_words(*place, found))
 
     def write(self, setting: Setting) -> None:
         """Download and read back, unless it is so already. Raises CommissionError."""
@@ -175,7 +179,7 @@ class Drive:
         except RefusedError as error:
             if not all(setting.waived for setting in step.settings):
                 raise
-            self.outcome.warnings.append(said("drive.accepted", why=without_title(error)))
+            self.outcome.warnings.append(message("drive.accepted", why=without_title(error)))
 
     def _apply(self, step: Step) -> None:
         outcome = [setting for setting in step.outcome if self._known(setting)]
@@ -215,7 +219,7 @@ class Drive:
                 values = (in_words(*setting.place, value) for value in (setting.value, found))
                 facts = dict(zip(("wanted", "reads"), values, strict=True))
                 key = "drive.fixed_otherwise" if fixed else "drive.reads_otherwise"
-                what = said(key, where=setting.where, **facts, need=setting.why)
+                what = message(key, where=setting.where, **facts, need=setting.why)
                 raise RefusedError(self.says(what))
             if was is not None and _agrees(was, setting):
                 self.outcome.already_so += 1
@@ -229,7 +233,7 @@ class Drive:
         if setting.optional:
             return False
         facts = {"eds": self.settings.eds, "where": setting.where, "need": setting.why}
-        raise CommissionError(self.says(said("drive.no_such_object", **facts)))
+        raise CommissionError(self.says(message("drive.no_such_object", **facts)))
 
     def _readable(self, setting: Setting) -> bool:
         found = self.sheet.find(setting.index, setting.sub)
@@ -241,7 +245,7 @@ class Drive:
             self._send(index, sub, value)
         except SdoAbortedError as error:
             words = in_words(index, sub, value) if isinstance(value, int) else str(value)
-            what = said("drive.refuses", where=where(index, sub), value=words, why=_aborted(error))
+            what = message("drive.refuses", where=where(index, sub), value=words, why=_aborted(error))
             raise RefusedError(self.says(what)) from error
 
     def _download(self, setting: Setting) -> None:
@@ -252,7 +256,7 @@ class Drive:
                 in_words(*setting.place, setting.value),
                 {"where": setting.where, "need": setting.why},
             )
-            what = said("drive.refuses_needed", **facts, value=value, why=_aborted(error))
+            what = message("drive.refuses_needed", **facts, value=value, why=_aborted(error))
             raise RefusedError(self.says(what)) from error
 
     def _send(self, index: int, sub: int, value: int | float | str | bytes) -> None:
@@ -264,14 +268,14 @@ class Drive:
         except MISFITS as error:
             raise CommissionError(self._misfit(index, sub, error)) from error
 
-    def _misfit(self, index: int, sub: int, error: Exception) -> Said:
+    def _misfit(self, index: int, sub: int, error: Exception) -> Message:
         reason = " ".join(str(error).split())
         facts = {"index": index, "sub": sub, "eds": self.settings.eds, "reason": reason}
-        return self.says(said("drive.not_as_sheet", **facts))
+        return self.says(message("drive.not_as_sheet", **facts))
 
-    def _silent(self, index: int, sub: int) -> Said:
+    def _silent(self, index: int, sub: int) -> Message:
         patience_s = self._network.patience_s
-        return self.says(said("drive.silent", index=index, sub=sub, patience_s=patience_s))
+        return self.says(message("drive.silent", index=index, sub=sub, patience_s=patience_s))
 
     def _variable(self, index: int, sub: int) -> Any:
         entry = self._node.sdo[index]
@@ -295,20 +299,20 @@ class Drive:
         if was == mode:
             self.outcome.already_so += 1
             return
-        why = said("setting.needed_mode", mode=mode)
+        why = message("setting.needed_mode", mode=mode)
         self._download(Setting(0x6060, 0, mode, why))
         if not self._network.wait(lambda: self.read(0x6061) == mode):
-            what = said("drive.mode_not_taken", mode=mode, shown=self.read(0x6061))
+            what = message("drive.mode_not_taken", mode=mode, shown=self.read(0x6061))
             raise CommissionError(self.says(what))
         self.outcome.changes.append(Change(0x6060, 0, was, mode, why))
 
     def store(self) -> None:
         """Have the drive keep all parameters (1010h:01). Raises CommissionError."""
         if not self.has(0x1010, 1):
-            raise CommissionError(self.says(said("drive.no_store")))
+            raise CommissionError(self.says(message("drive.no_store")))
         patience_s, self._network.patience_s = self._network.patience_s, STORE_S
         try:
-            self._download(Setting(0x1010, 1, SAVE, said("setting.to_keep")))
+            self._download(Setting(0x1010, 1, SAVE, message("setting.to_keep")))
         finally:
             self._network.patience_s = patience_s
         self.outcome.stored = True
@@ -318,10 +322,10 @@ def _agrees(found: int, setting: Setting) -> bool:
     return not (found ^ setting.value) & setting.mask
 
 
-def _aborted(error: BaseException | None) -> Said:
+def _aborted(error: BaseException | None) -> Message:
     """Why a drive refused (CiA 301, 7.2.4.3.17)."""
     if not isinstance(error, SdoAbortedError):
         return plain(str(error))
     if error.code not in SdoAbortedError.CODES:
-        return said("abort.unknown", code=error.code)
-    return said("abort.code", code=error.code, what=Key(f"abort.{error.code:08X}"))
+        return message("abort.unknown", code=error.code)
+    return message("abort.code", code=error.code, what=Key(f"abort.{error.code:08X}"))

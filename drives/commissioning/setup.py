@@ -18,7 +18,7 @@ from drives.commissioning.identity import named
 from drives.commissioning.network import CommissionError, without_title
 from drives.commissioning.remote import Drive
 from drives.commissioning.wanted import OFF, RPDO, TPDO
-from drives.texts import Said, chain, said
+from drives.texts import Message, chain, message
 
 ENABLED_MASK, ENABLED = 0x6F, 0x27  # statusword of operation enabled
 DOMAIN = 0x0F
@@ -61,7 +61,7 @@ class Row:
     name: str
     kept: Value
     now: Value | None
-    refused: Said | None = None  # why it is still so
+    refused: Message | None = None  # why it is still so
 
     @property
     def place(self) -> Place:
@@ -111,7 +111,7 @@ def belongs(drive: Drive, kept: Kept) -> None:
     for sub, words in ((1, kept.vendor), (2, kept.product)):
         if words and drive.has(0x1018, sub) and (found := drive.read(0x1018, sub)) not in words:
             its = chain("or", [f"{word:#x}" for word in words])
-            what = said("setup.of_another", **named(sub), found=found, file=kept.name, its=its)
+            what = message("setup.of_another", **named(sub), found=found, file=kept.name, its=its)
             raise CommissionError(drive.says(what))
 
 
@@ -121,10 +121,10 @@ def differences(drive: Drive, kept: Kept, address: bool = False) -> Iterator[Row
     Raises CommissionError where nobody answers.
     """
     drive.read(0x1000)
-    for (index, sub), value in _wanted(drive, kept, address):
+    for (index, sub), value in _required_settings(drive, kept, address):
         entry = drive.sheet.find(index, sub)
         if entry is None:
-            yield Row(index, sub, "", value, None, said("setup.not_in_sheet", sheet=drive.sheet.name))
+            yield Row(index, sub, "", value, None, message("setup.not_in_sheet", sheet=drive.sheet.name))
             continue
         try:
             now = drive.raw(index, sub)
@@ -135,7 +135,7 @@ def differences(drive: Drive, kept: Kept, address: bool = False) -> Iterator[Row
             yield Row(index, sub, entry.qualname, value, now)
 
 
-def _wanted(drive: Drive, kept: Kept, address: bool) -> Iterator[tuple[Place, Value]]:
+def _required_settings(drive: Drive, kept: Kept, address: bool) -> Iterator[tuple[Place, Value]]:
     """The file's values that are a set-up, for this node id and typed as its sheet types them."""
     for (index, sub), value in sorted(kept.values.items()):
         entry = drive.sheet.find(index, sub)
@@ -166,7 +166,7 @@ def _of_node(index: int, sub: int, value: Value, before: int | None, now: int) -
 def see_off(drive: Drive) -> None:
     """Nothing is put back into a drive with torque. Raises CommissionError."""
     if drive.has(0x6041, 0) and drive.read(0x6041) & ENABLED_MASK == ENABLED:
-        raise CommissionError(drive.says(said("drive.on_at_set_up")))
+        raise CommissionError(drive.says(message("drive.on_at_set_up")))
 
 
 def restore(drive: Drive, kept: Kept, address: bool = False) -> list[Row]:
@@ -177,17 +177,17 @@ def restore(drive: Drive, kept: Kept, address: bool = False) -> list[Row]:
     rows = list(differences(drive, kept, address))
     plain = [row for row in rows if not _is_pdo(row.index)]
     refused = _plain(drive, plain)
-    values = dict(_wanted(drive, kept, address))
+    values = dict(_required_settings(drive, kept, address))
     for parameters, mapping in _pdos(rows):
         refused |= _pdo(drive, parameters, mapping, values)
     still = {row.place: row for row in differences(drive, kept, address)}
     return [_judged(row, still, refused) for row in rows]
 
 
-def _judged(row: Row, still: Mapping[Place, Row], refused: Mapping[Place, Said]) -> Row:
+def _judged(row: Row, still: Mapping[Place, Row], refused: Mapping[Place, Message]) -> Row:
     if row.place not in still:
         return row
-    why = refused.get(row.place) or still[row.place].refused or said("setup.as_before")
+    why = refused.get(row.place) or still[row.place].refused or message("setup.as_before")
     return Row(row.index, row.sub, row.name, row.kept, row.now, why)
 
 
@@ -195,10 +195,10 @@ def _is_pdo(index: int) -> bool:
     return any(index in span for span in COMMUNICATION)
 
 
-def _plain(drive: Drive, rows: Sequence[Row]) -> dict[Place, Said]:
+def _plain(drive: Drive, rows: Sequence[Row]) -> dict[Place, Message]:
     """Write them, again where one needs another first; what was refused to the last."""
     left = [row for row in rows if row.name]  # what the sheet lacks cannot be written
-    refused: dict[Place, Said] = {}
+    refused: dict[Place, Message] = {}
     for _ in range(TRIES):
         refused = {row.place: why for row in left if (why := _put(drive, row.place, row.kept))}
         if not refused or len(refused) == len(left):
@@ -207,7 +207,7 @@ def _plain(drive: Drive, rows: Sequence[Row]) -> dict[Place, Said]:
     return refused
 
 
-def _put(drive: Drive, place: Place, value: Value) -> Said | None:
+def _put(drive: Drive, place: Place, value: Value) -> Message | None:
     """Write one object; why it is refused, None: it is not. Raises CommissionError where nobody answers."""
     try:
         drive.put(*place, value)
@@ -229,9 +229,9 @@ def _pdos(rows: Sequence[Row]) -> list[tuple[int, int]]:
     return sorted(found)
 
 
-def _pdo(drive: Drive, parameters: int, mapping: int, values: Mapping[Place, Value]) -> dict[Place, Said]:
+def _pdo(drive: Drive, parameters: int, mapping: int, values: Mapping[Place, Value]) -> dict[Place, Message]:
     """One PDO whole, whatever of it differs; what was refused."""
-    refused: dict[Place, Said] = {}
+    refused: dict[Place, Message] = {}
 
     def put(index: int, sub: int, value: Value | None) -> None:
         entry = drive.sheet.find(index, sub)

@@ -25,7 +25,7 @@ from drives import sheet_text
 from drives.commissioning import overrides
 from drives.profile import Override
 from drives.text_file import Source, text_of
-from drives.texts import Said, TextError, said
+from drives.texts import Message, TextError, message
 
 # What canopen would log, of data sheets as of drives, is raised as well or mended, and told in a sentence.
 logging.getLogger("canopen").setLevel(logging.CRITICAL)
@@ -82,7 +82,7 @@ class Sheet:
     """What a data sheet says about objects."""
 
     def __init__(
-        self, name: str, dictionary: canopen.ObjectDictionary, overridden: tuple[Said, ...] = ()
+        self, name: str, dictionary: canopen.ObjectDictionary, overridden: tuple[Message, ...] = ()
     ) -> None:
         self.name = name
         self.dictionary = dictionary
@@ -181,7 +181,7 @@ def _mended(path: Source) -> str:
     try:
         text = text_of(path)
     except OSError as error:
-        raise SheetError(said("sheet.unreadable", path=path, why=error)) from error
+        raise SheetError(message("sheet.unreadable", path=path, why=error)) from error
     with _refusals(Path(path).name):
         return cleaned(text)
 
@@ -235,7 +235,7 @@ def _refusals(name: str) -> Iterator[None]:
         *(configparser.Error, canopen.ObjectDictionaryError, ValueError, KeyError, TypeError),
     ) as error:
         own = error.said if isinstance(error, TextError) else " ".join(str(error).split())
-        raise SheetError(said("sheet.no_eds", name=name, reason=own)) from error
+        raise SheetError(message("sheet.no_eds", name=name, reason=own)) from error
 
 
 def cleaned(text: str) -> str:
@@ -246,7 +246,7 @@ def cleaned(text: str) -> str:
         _keep(kept, KEYS.get(section.lower(), section), written)
     kept.setdefault("DeviceInfo", {})
     if not any(SECTION.fullmatch(section) for section in kept):
-        raise sheet_text.LineError(said("sheet.no_objects"))
+        raise sheet_text.LineError(message("sheet.no_objects"))
     return sheet_text.written(kept)
 
 

@@ -35,7 +35,7 @@ from drives.commissioning.remote import Drive, RefusedError
 from drives.commissioning.units import RATE, SPEED, Units
 from drives.commissioning.wanted import Setting, where
 from drives.settings import NodeSettings, SpindleSettings
-from drives.texts import Said, chain, said
+from drives.texts import Message, chain, message
 
 QUICK_STOP, FAULT_REACTION = 0x605A, 0x605E  # option codes
 SLOW, QUICK = (1, 5), (2, 6)  # their ramps: by 6084h, by 6085h
@@ -47,7 +47,7 @@ TIME_OUT_TICKS = 5
 FOLLOWING = 0x6066
 MOTOR_SPEED = 0x6080
 NEARLY = 1.0 - 1e-6  # of what is needed; the rest is rounding
-MOST = 0xFFFF_FFFF
+MAX_UINT32 = 0xFFFF_FFFF
 # Without these a drive stops as well as with them.
 UNIMPORTANT = (0x605D, 0x6083, 0x6084, FOLLOWING, 0x6080, 0x60C5, 0x60C6)
 
@@ -60,7 +60,7 @@ class Offer:
 
     index: int
     value: int
-    why: Said
+    why: Message
     at_least: bool = False
 
 
@@ -78,7 +78,7 @@ def arrange(drive: Drive, node: NodeSettings, units: Units) -> Arranged:
         f"{one.index:04X}h" for one in wanted if one.index not in found and one.index not in UNIMPORTANT
     ]
     if missing:
-        notes.append(_note(drive, said("stopping.missing", objects=", ".join(missing))))
+        notes.append(_note(drive, message("stopping.missing", objects=", ".join(missing))))
     for index in (QUICK_STOP,) if 0x6084 in found else (QUICK_STOP, 0x6083):
         if (value := drive.find(index)) is not None:
             found[index] = value
@@ -87,14 +87,14 @@ def arrange(drive: Drive, node: NodeSettings, units: Units) -> Arranged:
     stop = stop_counts_s2(found, node, units)
     stop_s = node.velocity_counts_s / stop if stop else node.most_quick_stop_s
     if not stop:
-        notes.append(_note(drive, said("stopping.not_known", seconds=stop_s)))
+        notes.append(_note(drive, message("stopping.not_known", seconds=stop_s)))
     if stop_s > node.most_quick_stop_s:
         raise CommissionError(drive.says(_too_long(found, stop_s, node)))
     return _arranged(drive, units, stop, stop_s, found, notes)
 
 
-def _note(drive: Drive, what: Said) -> Said:
-    return said("sentence", text=drive.says(what))
+def _note(drive: Drive, what: Message) -> Message:
+    return message("sentence", text=drive.says(what))
 
 
 def _quick_stop_alone(drive: Drive, node: NodeSettings, units: Units) -> Arranged:
@@ -104,27 +104,27 @@ def _quick_stop_alone(drive: Drive, node: NodeSettings, units: Units) -> Arrange
     found: dict[int, int] = {}
     problems = list(_made(drive, _quick_stop(node, units), found))
     if problems or 0x6085 not in found:
-        raise CommissionError(drive.says(problems[0] if problems else said("stopping.no_quick_stop")))
+        raise CommissionError(drive.says(problems[0] if problems else message("stopping.no_quick_stop")))
     return _arranged(drive, units, found=found)
 
 
 def _quick_stop(node: NodeSettings, units: Units) -> Offer:
     """How hard the drive is to brake in it. Raises UnitError."""
     quick = units.acceleration(node.quick_stop_counts_s2 or node.acceleration_counts_s2, where(0x6085))
-    return Offer(0x6085, quick, said("setting.as_promised"))
+    return Offer(0x6085, quick, message("setting.as_promised"))
 
 
-def _made(drive: Drive, offer: Offer, found: dict[int, int]) -> Iterator[Said]:
+def _made(drive: Drive, offer: Offer, found: dict[int, int]) -> Iterator[Message]:
     """Offer one object; what it is then goes into ``found``, and why it is not as it should be comes out."""
     value = _within(drive, offer)
     have, problem = drive.offer(Setting(offer.index, 0, value, offer.why), offer.at_least)
     if have is not None:
         found[offer.index] = have
     if problem:
-        yield said("stopping.problem", problem=problem, need=offer.why)
+        yield message("stopping.problem", problem=problem, need=offer.why)
     elif have == value != offer.value and offer.index != FOLLOWING:
         facts = {"where": where(offer.index), "most": value, "wanted": offer.value, "need": offer.why}
-        yield said("stopping.goes_as_far", **facts)
+        yield message("stopping.goes_as_far", **facts)
 
 
 def _arranged(
@@ -133,7 +133,7 @@ def _arranged(
     stop: float = 0.0,
     stop_s: float = 0.0,
     found: Read | None = None,
-    notes: list[Said] | None = None,
+    notes: list[Message] | None = None,
 ) -> Arranged:
     objects = tuple((f"{index:04X}h:00", value) for index, value in sorted((found or {}).items()))
     sizes = units.velocity_counts_s, units.acceleration_counts_s2
@@ -154,25 +154,25 @@ def offers(node: NodeSettings, units: Units) -> Iterator[Offer]:
     quick = node.quick_stop_counts_s2 or most
     yield _quick_stop(node, units)
     slow = units.acceleration(most, where(0x6084))
-    yield Offer(0x6084, slow, said("setting.own_ramps"))
+    yield Offer(0x6084, slow, message("setting.own_ramps"))
     for index, code, why in (
-        (0x605B, 1, said("setting.shutdown_brakes")),
-        (0x605C, 1, said("setting.disable_brakes")),
-        (0x605D, 1, said("setting.halt_brakes")),
-        (FAULT_REACTION, 2, said("setting.fault_brakes")),
+        (0x605B, 1, message("setting.shutdown_brakes")),
+        (0x605C, 1, message("setting.disable_brakes")),
+        (0x605D, 1, message("setting.halt_brakes")),
+        (FAULT_REACTION, 2, message("setting.fault_brakes")),
     ):
         yield Offer(index, code, why)
     late_ms = max(1, round(TIME_OUT_TICKS * node.period_s * 1e3))
-    yield Offer(FOLLOWING, late_ms, said("setting.trips"))
+    yield Offer(FOLLOWING, late_ms, message("setting.trips"))
     fastest = _fastest(node.velocity_counts_s / units.velocity_counts_s)
-    yield Offer(0x607F, fastest, said("setting.not_faster"))
+    yield Offer(0x607F, fastest, message("setting.not_faster"))
     if speeds := units.motor_speeds_counts_s:
         most_turns = _fastest(node.velocity_counts_s / min(speeds))
-        yield Offer(MOTOR_SPEED, most_turns, said("setting.not_faster"))
-    why = said("setting.not_held_back")
+        yield Offer(MOTOR_SPEED, most_turns, message("setting.not_faster"))
+    why = message("setting.not_held_back")
     needed = math.ceil(HEADROOM * max(most, quick) / units.acceleration_counts_s2)
-    yield Offer(0x60C5, min(needed, MOST), why, at_least=True)
-    yield Offer(0x60C6, min(needed, MOST), why, at_least=True)
+    yield Offer(0x60C5, min(needed, MAX_UINT32), why, at_least=True)
+    yield Offer(0x60C6, min(needed, MAX_UINT32), why, at_least=True)
 
 
 def _fastest(exact: float) -> int:
@@ -187,15 +187,15 @@ def _see_motor(drive: Drive, node: NodeSettings, units: Units) -> None:
         most = drive.find(MOTOR_SPEED)
     except RefusedError:
         return
-    if not most or most == MOST:
+    if not most or most == MAX_UINT32:
         return
     most = max(most, drive.sheet.default(MOTOR_SPEED) or 0)
     if most * unit and most * unit < NEARLY * node.velocity_counts_s:
         speeds = {"speed": most * unit, "needed": node.velocity_counts_s}
-        raise CommissionError(drive.says(said("stopping.slow_motor", most=most, **speeds)))
+        raise CommissionError(drive.says(message("stopping.slow_motor", most=most, **speeds)))
 
 
-def _held_back(found: Read, node: NodeSettings, units: Units) -> Said | None:
+def _held_back(found: Read, node: NodeSettings, units: Units) -> Message | None:
     """What keeps the axis from its speed or acceleration; 0 and FFFFFFFFh are none."""
     speed, rate = node.velocity_counts_s, node.acceleration_counts_s2
     for index, unit, needed, name in (
@@ -205,9 +205,9 @@ def _held_back(found: Read, node: NodeSettings, units: Units) -> Said | None:
         (0x60C6, units.acceleration_counts_s2, rate, RATE),
     ):
         value = found.get(index)
-        if value not in (None, 0, MOST) and value * unit < NEARLY * needed:
+        if value not in (None, 0, MAX_UINT32) and value * unit < NEARLY * needed:
             facts = {"index": index, "value": value, "size": value * unit, "name": name}
-            return said("stopping.held_back", **facts, needed=needed)
+            return message("stopping.held_back", **facts, needed=needed)
     return None
 
 
@@ -255,11 +255,11 @@ def _ramp(code: int | None, found: Read) -> float | None:
     return None
 
 
-def _too_long(found: Read, stop_s: float, node: NodeSettings) -> Said:
+def _too_long(found: Read, stop_s: float, node: NodeSettings) -> Message:
     reads = [
-        said("stopping.reads", index=index, value=found[index])
+        message("stopping.reads", index=index, value=found[index])
         for index in (0x6085, 0x6084, 0x60C6)
         if index in found
     ]
     objects = chain("comma", reads) if reads else ""
-    return said("stopping.too_long", seconds=stop_s, objects=objects, most=node.most_quick_stop_s)
+    return message("stopping.too_long", seconds=stop_s, objects=objects, most=node.most_quick_stop_s)

@@ -10,10 +10,10 @@ from drives import cia402, pdo
 from drives.commissioning import twins
 from drives.commissioning.network import SDO_REQUEST, CommissionError, Network, Node
 from drives.commissioning.remote import Drive
-from drives.texts import Said
+from drives.texts import Message
 
 NODES = range(1, 128)
-ANSWER_S = 0.15  # for a whole bus of drives that answer SDO within some milliseconds
+ANSWER_TIMEOUT_S = 0.15  # for a whole bus of drives that answer SDO within some milliseconds
 ROUNDS = 3  # a gateway or adapter may swallow what comes before it has settled
 UPLOAD, ABORT = 0x40, 0x80
 REQUEST = Struct("<BHB4x")
@@ -57,7 +57,7 @@ class _Questions:
                     if node not in self._answers:
                         self._network.post(SDO_REQUEST + node, REQUEST.pack(UPLOAD, index, sub))
                         self._network.receive()
-                self._network.wait(lambda: len(self._answers) == len(nodes), ANSWER_S)
+                self._network.wait(lambda: len(self._answers) == len(nodes), ANSWER_TIMEOUT_S)
         finally:
             self._network.hearer = None
         return {node: _value(data) for node, data in sorted(self._answers.items())}
@@ -163,7 +163,7 @@ class Entry:
     access: str
     value: int | float | str | None
     default: int | None  # by the data sheet
-    refused: Said | None  # why there is no value; None: there is one
+    refused: Message | None  # why there is no value; None: there is one
 
 
 def dump(network: Network, node: Node) -> Iterator[Entry]:
@@ -182,7 +182,7 @@ def dump(network: Network, node: Node) -> Iterator[Entry]:
                 yield Entry(index, sub, found.qualname, found.access_type, value, default, refused)
 
 
-def _shown_value(drive: Drive, index: int, sub: int) -> tuple[int | float | str | None, Said | None]:
+def _shown_value(drive: Drive, index: int, sub: int) -> tuple[int | float | str | None, Message | None]:
     try:
         value = drive.raw(index, sub)
     except CommissionError as error:

@@ -12,7 +12,7 @@ from struct import Struct
 
 from drives import pdo
 from drives.commissioning.network import SDO_REQUEST, Network
-from drives.texts import Said, chain, said
+from drives.texts import Message, chain, message
 
 IDENTITY, SERIAL = 0x1018, 4
 FIRST_S = 0.15  # for all first answers
@@ -30,7 +30,7 @@ def doubled(network: Network, nodes: Sequence[int]) -> dict[int, Serials]:
     suspects = list(nodes)
     found: dict[int, Serials] = {}
     for _ in range(ROUNDS):
-        answers = _asked(network, suspects)
+        answers = _serials_by_node(network, suspects)
         found = {node: serials for node, serials in answers.items() if len(serials) > 1}
         suspects = sorted(found)
         if not suspects:
@@ -38,15 +38,15 @@ def doubled(network: Network, nodes: Sequence[int]) -> dict[int, Serials]:
     return found
 
 
-def sentence(serials: Serials) -> Said:
+def sentence(serials: Serials) -> Message:
     """What is wrong and what to do, after the name of the drive."""
     known = [f"{serial:#x}" for serial in serials if serial is not None]
     if not known:
-        return said("drive.twins", count=len(serials))
-    return said("drive.twins_known", count=len(serials), serials=chain("and", known))
+        return message("drive.twins", count=len(serials))
+    return message("drive.twins_known", count=len(serials), serials=chain("and", known))
 
 
-def _asked(network: Network, nodes: Sequence[int]) -> dict[int, Serials]:
+def _serials_by_node(network: Network, nodes: Sequence[int]) -> dict[int, Serials]:
     """The serial numbers that every node answers to one request."""
     answers: dict[int, Serials] = {}
 

@@ -27,7 +27,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from drives.settings import INT32_MAX, NodeSettings, SpindleSettings
-from drives.texts import Key, Said, TextError, said
+from drives.texts import Key, Message, TextError, message
 
 # An object's value; None: the drive has no such object.
 Read = Callable[[int, int], int | None]
@@ -67,34 +67,34 @@ class Units:
         readings = (self.rev_min_counts_s, self.velocity_counts_s if self.said else 0.0)
         return tuple(unit for unit in readings if unit)
 
-    def velocity(self, counts_s: float, where: Said) -> int:
+    def velocity(self, counts_s: float, where: Message) -> int:
         """A speed in the drive's units. Raises UnitError where none is near it."""
         return _nearest(counts_s, self.velocity_counts_s, where, SPEED)
 
-    def acceleration(self, counts_s2: float, where: Said) -> int:
+    def acceleration(self, counts_s2: float, where: Message) -> int:
         """Likewise an acceleration."""
         return _nearest(counts_s2, self.acceleration_counts_s2, where, RATE)
 
-    def see_fits(self, counts_s: float, where: Said) -> None:
+    def see_fits(self, counts_s: float, where: Message) -> None:
         """Raises UnitError for a speed that no INTEGER32 takes in this unit."""
         if counts_s / self.velocity_counts_s > INT32_MAX:
             units, unit = counts_s / self.velocity_counts_s, self.velocity_counts_s
             raise UnitError(
-                said("unit.too_fine", where=where, speed=counts_s, units=units, unit=unit, most=INT32_MAX)
+                message("unit.too_fine", where=where, speed=counts_s, units=units, unit=unit, most=INT32_MAX)
             )
 
 
 COARSEST = 0.25  # a value may be larger by this share than what is wanted, for want of a finer unit
 
 
-def _nearest(wanted: float, unit: float, where: Said, name: Key) -> int:
+def _nearest(wanted: float, unit: float, where: Message, name: Key) -> int:
     """Never 0, which many objects take for "none" or "as fast as it goes"; else less is safer than more."""
     exact = wanted / unit
     near = round(exact)
     if near > (1.0 + COARSEST) * exact:
         near = math.floor(exact)
     if near < 1:
-        raise UnitError(said("unit.too_coarse", where=where, wanted=wanted, unit=unit, name=name))
+        raise UnitError(message("unit.too_coarse", where=where, wanted=wanted, unit=unit, name=name))
     return near
 
 
@@ -139,7 +139,7 @@ class _Reading:
         inverted = self._inverted()
         if self._position is not None:
             self._see_position(self._position)
-        velocity = self._told_velocity()
+        velocity = self._declared_velocity()
         sizes = self._sizes(velocity)
         return Units(*sizes, velocity is not None, inverted, self._rev_min())
 
@@ -147,7 +147,7 @@ class _Reading:
         """Of velocity and acceleration; ``told``: the former by 60A9h."""
         own = self._own()
         if told is not None and own is not None and abs(told - own[0]) > SAME * own[0]:
-            raise UnitError(said("unit.not_the_files", word=self._word(0x60A9), told=told, own=own[0]))
+            raise UnitError(message("unit.not_the_files", word=self._word(0x60A9), told=told, own=own[0]))
         if own is not None:
             return own
         velocity, acceleration = self._of_family() or self._of_factors()
@@ -183,7 +183,7 @@ class _Reading:
         if not above and not below:
             return None
         if not above or not below:
-            raise UnitError(said("unit.no_ratio", index=index, above=str(above), below=str(below)))
+            raise UnitError(message("unit.no_ratio", index=index, above=str(above), below=str(below)))
         return above / below
 
     @property
@@ -196,7 +196,7 @@ class _Reading:
         position, velocity = bool(polarity & POSITION_BIT), bool(polarity & VELOCITY_BIT)
         if position != velocity and isinstance(self._settings, NodeSettings):
             what = Key("unit.position" if position else "unit.velocity")
-            raise UnitError(said("unit.half_inverted", polarity=polarity, what=what))
+            raise UnitError(message("unit.half_inverted", polarity=polarity, what=what))
         return velocity
 
     # -- what says it
@@ -210,7 +210,7 @@ class _Reading:
         velocity = profile.velocity_unit_counts_s
         return (velocity, profile.acceleration_unit_counts_s2 or velocity) if velocity else None
 
-    def _told_velocity(self) -> float | None:
+    def _declared_velocity(self) -> float | None:
         """By 60A9h; what the machine file says itself need not be understood."""
         word = self._word(0x60A9)
         if not word:
@@ -227,7 +227,7 @@ class _Reading:
     def _of_factors(self) -> tuple[float, float]:
         for index in OLD_FACTORS:
             if self._ratio(index) not in (None, 1.0):
-                raise UnitError(said("unit.old_factor", index=index, factor=self._ratio(index)))
+                raise UnitError(message("unit.old_factor", index=index, factor=self._ratio(index)))
         velocity = self._ratio(VELOCITY_FACTOR) or 1.0
         acceleration = self._ratio(ACCELERATION_FACTOR) or 1.0
         return 1.0 / velocity, 1.0 / acceleration
@@ -237,7 +237,7 @@ class _Reading:
         factor = self._ratio(index) or 1.0
         if factor != 1.0 and abs(factor * unit - 1.0) > FACTOR_SAME:
             raise UnitError(
-                said("unit.other_factor", index=index, factor=factor, size=1.0 / factor, by=by, unit=unit)
+                message("unit.other_factor", index=index, factor=factor, size=1.0 / factor, by=by, unit=unit)
             )
 
     # -- SI units
@@ -273,7 +273,7 @@ class _Reading:
         raise self._unknown(index, word)
 
     def _unknown(self, index: int, word: int) -> UnitError:
-        return UnitError(said("unit.unknown", index=index, word=word))
+        return UnitError(message("unit.unknown", index=index, word=word))
 
     def _per_si(self, rotary: bool) -> float:
         """Counts per metre or radian of the axis; 0 = it is of the other kind, or nobody said."""
@@ -289,7 +289,7 @@ class _Reading:
         if known and abs(known * size - 1.0) > SAME:
             name = Key("unit.radian" if unit.numerator in ANGLES else "unit.metre")
             raise UnitError(
-                said(
+                message(
                     "unit.other_position", word=self._word(0x60A8), counts=1.0 / size, name=name, known=known
                 )
             )
@@ -334,7 +334,7 @@ class _Reading:
         by_feed, by_position = self._turn_by_feed(), self._turn_by_position(position)
         if by_feed and by_position and abs(by_feed / by_position - 1.0) > FACTOR_SAME:
             raise UnitError(
-                said("unit.other_turn", word=self._word(0x60A8), counts=by_position, by_feed=by_feed)
+                message("unit.other_turn", word=self._word(0x60A8), counts=by_position, by_feed=by_feed)
             )
 
     def _turn_by_position(self, position: Si) -> float:
@@ -346,7 +346,7 @@ class _Reading:
     def _no_turn(self, index: int, word: int, way: Key) -> UnitError:
         resolution, feed = (self._ratio(which) or Key("unit.not_there") for which in (RESOLUTION, FEED))
         return UnitError(
-            said("unit.no_turn", index=index, word=word, way=way, resolution=resolution, feed=feed)
+            message("unit.no_turn", index=index, word=word, way=way, resolution=resolution, feed=feed)
         )
 
     def _of_encoder(self) -> float:

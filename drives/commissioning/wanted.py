@@ -23,7 +23,7 @@ from drives.settings import (
     NodeSettings,
     SpindleSettings,
 )
-from drives.texts import Said, said
+from drives.texts import Message, message
 
 Settings = NodeSettings | SpindleSettings | IoSettings
 
@@ -44,9 +44,9 @@ PREDEFINED = 4  # PDOs with an identifier of the pre-defined connection set
 LINEAR = 0  # 60C0h: linear interpolation
 
 
-def where(index: int, sub: int = 0) -> Said:
+def where(index: int, sub: int = 0) -> Message:
     """An object by its index and sub-index."""
-    return said("drive.object", index=index, sub=sub)
+    return message("drive.object", index=index, sub=sub)
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +56,7 @@ class Setting:
     index: int
     sub: int
     value: int
-    why: Said | str  # completes "... is needed"; words where they are those of a profile
+    why: Message | str  # completes "... is needed"; words where they are those of a profile
     optional: bool = False  # only where the data sheet has it
     mask: int = -1  # what must agree when read back
     waived: bool = False  # unsupervised = true: a drive that does not take it is accepted, with a warning
@@ -66,7 +66,7 @@ class Setting:
         return self.index, self.sub
 
     @property
-    def where(self) -> Said:
+    def where(self) -> Message:
         return where(self.index, self.sub)
 
 
@@ -117,7 +117,7 @@ def _axis(node: NodeSettings, master: MasterSettings, sheet: Sheet, units: Units
     if units is not None:
         yield from _homing_speeds(node, units)
     if node.probe_tpdo:
-        yield _one(0x60B8, 0, EVERY_TOUCH, said("setting.touch_stored"))
+        yield _one(0x60B8, 0, EVERY_TOUCH, message("setting.touch_stored"))
     for write in node.profile.writes:
         yield _one(write.index, write.sub, write.value, write.why)
 
@@ -126,7 +126,7 @@ def _spindle(node: SpindleSettings, master: MasterSettings, sheet: Sheet) -> Ite
     yield from _process_data(spindle_pdos(node), node.node, sheet)
     value, exponent = interpolation_time(master.period_s) or (0, 0)
     if value:
-        why = said("setting.with_tick")
+        why = message("setting.with_tick")
         yield Step(
             (Setting(0x60C2, 1, value, why, optional=True), Setting(0x60C2, 2, exponent, why, optional=True))
         )
@@ -137,13 +137,13 @@ def _spindle(node: SpindleSettings, master: MasterSettings, sheet: Sheet) -> Ite
 
 def _io(node: IoSettings, master: MasterSettings, sheet: Sheet) -> Iterator[Step]:
     yield from _process_data(io_pdos(node), node.node, sheet)
-    yield _one(0x6005, 0, 1, said("setting.inputs_on_change"), optional=True)
+    yield _one(0x6005, 0, 1, message("setting.inputs_on_change"), optional=True)
     for sub in range(1, node.outputs + 1):
-        why = said("setting.outputs_off")
+        why = message("setting.outputs_off")
         yield _one(0x6206, sub, 0xFF, why, optional=True)
         yield _one(0x6207, sub, 0, why, optional=True)
     for sub, counts in enumerate(node.analogue, 1):
-        why = said("setting.analogue_to_rest")
+        why = message("setting.analogue_to_rest")
         yield _one(0x6443, sub, 1, why, optional=True)
         yield _one(0x6444, sub, counts, why, optional=True)
     yield from _heartbeats(master, sheet, node.unsupervised, produced_s=node.heartbeat_s)
@@ -160,7 +160,7 @@ class Pdo:
     number: int
     transmission: int
     entries: tuple[int, ...]
-    what: Said
+    what: Message
     event_ms: int = 0  # event timer, sub 5
     quiet_ms: int = 0  # at least between two of them, sub 3
     optional: bool = False  # only where the drive can
@@ -188,31 +188,31 @@ def axis_pdos(node: NodeSettings) -> Iterator[Pdo]:
     silence_ms = math.ceil(1e3 * deadline_s - 1e-6)  # 1400h:05, where there is one
     target = TARGET if profile.mode is CyclicMode.CSP else SETPOINT
     if node.feed_forward:
-        entries, what = (TARGET, VELOCITY_OFFSET), said("setting.setpoints", number=profile.rpdo)
+        entries, what = (TARGET, VELOCITY_OFFSET), message("setting.setpoints", number=profile.rpdo)
         yield Pdo(RPDO, profile.rpdo, SYNCHRONOUS, entries, what, silence_ms)
-        what = said("setting.controlword", number=profile.command_rpdo)
+        what = message("setting.controlword", number=profile.command_rpdo)
         yield Pdo(RPDO, profile.command_rpdo, ON_CHANGE, (CONTROLWORD,), what)
     else:
-        what = said("setting.setpoints", number=profile.rpdo)
+        what = message("setting.setpoints", number=profile.rpdo)
         yield Pdo(RPDO, profile.rpdo, SYNCHRONOUS, (CONTROLWORD, target), what, silence_ms)
-    what = said("setting.feedback", number=profile.tpdo)
+    what = message("setting.feedback", number=profile.tpdo)
     yield Pdo(TPDO, profile.tpdo, node.feedback_every, (STATUSWORD, POSITION), what)
     if node.probe_tpdo:
         entries = (PROBE_STATUS, PROBE_POSITION)
-        what = said("setting.touches", number=node.probe_tpdo)
+        what = message("setting.touches", number=node.probe_tpdo)
         yield Pdo(TPDO, node.probe_tpdo, ON_CHANGE, entries, what)
     if node.temperature_tpdo:
-        what = said("setting.temperature", number=node.temperature_tpdo)
+        what = message("setting.temperature", number=node.temperature_tpdo)
         warmth = (node.temperature_entry,)
         times_ms = TEMPERATURE_MS, TEMPERATURE_EVERY_MS
         yield Pdo(TPDO, node.temperature_tpdo, ON_CHANGE, warmth, what, *times_ms)
     if node.demand_tpdo:
-        what = said("setting.demand", number=node.demand_tpdo)
+        what = message("setting.demand", number=node.demand_tpdo)
         demand = (node.demand_index << 16 | 32,)
         yield Pdo(TPDO, node.demand_tpdo, node.demand_every, demand, what, optional=True)
     if not node.mode_tpdo:
         return
-    what = said("setting.mode", number=node.mode_tpdo)
+    what = message("setting.mode", number=node.mode_tpdo)
     yield Pdo(TPDO, node.mode_tpdo, ON_CHANGE, (MODE_DISPLAY,), what, MODE_EVERY_MS, optional=True)
 
 
@@ -230,10 +230,10 @@ def carries(used: Pdo, sheet: Sheet) -> bool:
 
 def spindle_pdos(node: SpindleSettings) -> tuple[Pdo, ...]:
     """What goes to and comes from the spindle's drive."""
-    out = said("setting.speed", number=node.profile.rpdo)
-    back = said("setting.actual_speed", number=node.profile.tpdo)
+    out = message("setting.speed", number=node.profile.rpdo)
+    back = message("setting.actual_speed", number=node.profile.tpdo)
     turned = (node.position_entry, TORQUE) if node.tells_load else (node.position_entry,)
-    angle = said("setting.spindle_position", number=node.position_tpdo)
+    angle = message("setting.spindle_position", number=node.position_tpdo)
     return (
         Pdo(RPDO, node.profile.rpdo, ON_CHANGE, (CONTROLWORD, TARGET_VELOCITY), out),
         Pdo(TPDO, node.profile.tpdo, node.feedback_every, (STATUSWORD, VELOCITY), back),
@@ -248,9 +248,9 @@ def io_pdos(node: IoSettings) -> tuple[Pdo, ...]:
     analogue = tuple(0x6411_0010 | sub << 8 for sub in range(1, len(node.analogue) + 1))
     every_ms = round(node.inputs_every_s * 1e3)
     return (
-        Pdo(RPDO, 1, ON_CHANGE, outputs, said("setting.outputs", number=1)),
-        *((Pdo(RPDO, 2, ON_CHANGE, analogue, said("setting.analogue", number=2)),) if analogue else ()),
-        Pdo(TPDO, 1, ON_CHANGE, inputs, said("setting.inputs", number=1), every_ms),
+        Pdo(RPDO, 1, ON_CHANGE, outputs, message("setting.outputs", number=1)),
+        *((Pdo(RPDO, 2, ON_CHANGE, analogue, message("setting.analogue", number=2)),) if analogue else ()),
+        Pdo(TPDO, 1, ON_CHANGE, inputs, message("setting.inputs", number=1), every_ms),
     )
 
 
@@ -264,13 +264,13 @@ def pdos_of(settings: Settings) -> tuple[Pdo, ...]:
 def _process_data(used: Iterable[Pdo], node: int, sheet: Sheet) -> Iterator[Step]:
     """Every PDO that is not used goes off, then those that are used are mapped."""
     used = tuple(used)
-    yield _one(0x1005, 0, pdo.SYNC, said("setting.sync"), optional=True, mask=GENERATES | 0x7FF)
+    yield _one(0x1005, 0, pdo.SYNC, message("setting.sync"), optional=True, mask=GENERATES | 0x7FF)
     taken = {each.parameters for each in used}
     for kind in (RPDO, TPDO):
         for number in range(1, 0x201):
             parameters = kind[0] + number - 1
             if sheet.holds(parameters) and parameters not in taken:
-                unused = Pdo(kind, number, 0, (), said("setting.unused"))
+                unused = Pdo(kind, number, 0, (), message("setting.unused"))
                 yield _switched_off(unused, node, sheet)
     for each in used:
         yield _mapped(each, node, sheet)
@@ -297,14 +297,14 @@ def _mapped(used: Pdo, node: int, sheet: Sheet) -> Step:
     if used.kind is TPDO:
         # Left over times would hold feedback back, or send it between SYNCs.
         key = "setting.at_most_every" if used.quiet_ms else "setting.not_held"
-        held = said(key, what=what, ms=used.quiet_ms)
+        held = message(key, what=what, ms=used.quiet_ms)
         settings.append(Setting(parameters, 3, 10 * used.quiet_ms, held, optional=not used.quiet_ms))
         key = "setting.again" if used.event_ms else "setting.not_again"
-        event = said(key, what=what, ms=used.event_ms)
+        event = message(key, what=what, ms=used.event_ms)
         needed = used.event_ms and not used.optional
         settings.append(Setting(parameters, 5, used.event_ms, event, optional=not needed))
     elif used.event_ms:
-        overdue = said("setting.overdue", what=what, ms=used.event_ms)
+        overdue = message("setting.overdue", what=what, ms=used.event_ms)
         settings.append(Setting(parameters, 5, used.event_ms, overdue, optional=True))
     settings.append(Setting(mapping, 0, 0, what))
     settings += [Setting(mapping, sub, entry, what) for sub, entry in enumerate(used.entries, 1)]
@@ -313,11 +313,11 @@ def _mapped(used: Pdo, node: int, sheet: Sheet) -> Step:
     return Step(tuple(settings))
 
 
-def _when(used: Pdo) -> Said:
+def _when(used: Pdo) -> Message:
     if used.transmission == ON_CHANGE:
-        return said("setting.on_change", what=used.what)
+        return message("setting.on_change", what=used.what)
     key = "setting.every_sync" if used.transmission == 1 else "setting.every_nth_sync"
-    return said(key, what=used.what, count=used.transmission)
+    return message(key, what=used.what, count=used.transmission)
 
 
 # --- the rest ----------------------------------------------------------------------
@@ -339,11 +339,11 @@ def interpolation_time(
 
 def _interpolation(profile: Profile, period_s: float) -> Iterator[Step]:
     value, exponent = interpolation_time(period_s, profile.period_exponents) or (0, 0)
-    why = said("setting.interpolates", ms=period_s * 1e3)
+    why = message("setting.interpolates", ms=period_s * 1e3)
     yield Step((Setting(0x60C2, 1, value, why), Setting(0x60C2, 2, exponent, why)))
     if profile.mode is CyclicMode.IP:
         # Clearing the buffer (60C4h:06) cannot be read back: it goes along when the mode is set up.
-        why, empty = said("setting.on_a_line"), said("setting.empty_buffer")
+        why, empty = message("setting.on_a_line"), message("setting.empty_buffer")
         clear, enable = (Setting(0x60C4, 6, on, empty, optional=True) for on in (0, 1))
         yield Step((clear, Setting(0x60C0, 0, LINEAR, why), enable))
 
@@ -352,9 +352,9 @@ def _supervision(
     profile: Profile, master: MasterSettings, sheet: Sheet, unsupervised: bool, braked: bool = False
 ) -> Iterator[Step]:
     """The drive must stop by itself when the controller goes silent; by heartbeat or guarding, never both."""
-    why = said("setting.dead_controller")
+    why = message("setting.dead_controller")
     if profile.supervision is Supervision.GUARDING:
-        yield _one(0x1017, 0, 0, said("setting.either_guard"), optional=True)
+        yield _one(0x1017, 0, 0, message("setting.either_guard"), optional=True)
         poll_ms, factor = guarding(master)
         yield _one(0x100C, 0, poll_ms, why, waived=unsupervised)
         yield _one(0x100D, 0, factor, why, waived=unsupervised)
@@ -362,20 +362,22 @@ def _supervision(
         none = profile.supervision is Supervision.NONE
         yield from _heartbeats(master, sheet, unsupervised or none, master.heartbeat_s)
     if profile.abort_code is not None:
-        yield _one(0x6007, 0, profile.abort_code, said("setting.dead_controller_stop"), waived=unsupervised)
+        yield _one(
+            0x6007, 0, profile.abort_code, message("setting.dead_controller_stop"), waived=unsupervised
+        )
     if profile.quick_stop_code is not None:
         yield _one(0x605A, 0, *_quick_stop(profile.quick_stop_code, braked))
     if profile.error_behaviour is not None:
-        yield _one(0x1029, 1, profile.error_behaviour, said("setting.dead_controller_stay"))
+        yield _one(0x1029, 1, profile.error_behaviour, message("setting.dead_controller_stay"))
 
 
-def _quick_stop(code: int, braked: bool) -> tuple[int, Said]:
+def _quick_stop(code: int, braked: bool) -> tuple[int, Message]:
     """605Ah and why. Codes 1 .. 4 take the current at standstill while the brake is still closing;
     5 .. 8 are the same ramps, and keep it: the controller then disables the drive in the orderly way.
     """
     if braked and 1 <= code <= 4:
-        return code + 4, said("setting.axis_falls")
-    return code, said("setting.known_quick_stop")
+        return code + 4, message("setting.axis_falls")
+    return code, message("setting.known_quick_stop")
 
 
 def guarding(master: MasterSettings) -> tuple[int, int]:
@@ -388,18 +390,18 @@ def _heartbeats(
     master: MasterSettings, sheet: Sheet, unsupervised: bool, produced_s: float
 ) -> Iterator[Step]:
     silence = master.node_id << 16 | round(master.consumer_s * 1e3)
-    yield _one(0x1016, 1, silence, said("setting.dead_controller"), waived=unsupervised)
+    yield _one(0x1016, 1, silence, message("setting.dead_controller"), waived=unsupervised)
     for sub in sheet.subs(0x1016):
         if sub > 1:
-            yield _one(0x1016, sub, 0, said("setting.nobody_elses"), optional=True)
+            yield _one(0x1016, sub, 0, message("setting.nobody_elses"), optional=True)
     for index in (0x100C, 0x100D):
-        yield _one(index, 0, 0, said("setting.either_guard"), optional=True)
-    yield _one(0x1017, 0, round(produced_s * 1e3), said("setting.dead_drive"))
+        yield _one(index, 0, 0, message("setting.either_guard"), optional=True)
+    yield _one(0x1017, 0, round(produced_s * 1e3), message("setting.dead_drive"))
 
 
 def _limits(node: NodeSettings) -> Iterator[Step]:
-    yield _one(0x6065, 0, node.following_error_counts, said("setting.does_not_follow"))
-    why = said("setting.travel")
+    yield _one(0x6065, 0, node.following_error_counts, message("setting.does_not_follow"))
+    why = message("setting.travel")
     lower = Setting(0x607D, 1, node.counts_min, why, optional=True)
     yield Step((lower, Setting(0x607D, 2, node.counts_max, why, optional=True)))
 
@@ -407,13 +409,13 @@ def _limits(node: NodeSettings) -> Iterator[Step]:
 def _homing(node: NodeSettings) -> Iterator[Step]:
     """Not of a drive that knows its place: absolute by the machine file, or by its family (method 0)."""
     if node.homing_method and not node.absolute:
-        yield _one(0x6098, 0, node.homing_method, said("setting.how_to_home"))
+        yield _one(0x6098, 0, node.homing_method, message("setting.how_to_home"))
         if node.profile.home_offset is not None:
-            homed = said("setting.homed_position")
+            homed = message("setting.homed_position")
             yield _one(node.profile.home_offset, 0, node.homing_position_counts, homed)
 
 
-def homing_speeds(node: NodeSettings) -> Iterator[tuple[int, int, float, Said]]:
+def homing_speeds(node: NodeSettings) -> Iterator[tuple[int, int, float, Message]]:
     """What is asked of homing: index, sub-index, counts/s or counts/s2, and why."""
     for index, sub, counts, what in (
         (0x6099, 1, node.homing_fast_counts_s, "switch"),
@@ -421,7 +423,7 @@ def homing_speeds(node: NodeSettings) -> Iterator[tuple[int, int, float, Said]]:
         (0x609A, 0, node.homing_acceleration_counts_s2, "homing"),
     ):
         if counts:
-            yield index, sub, counts, said(f"setting.how_fast.{what}")
+            yield index, sub, counts, message(f"setting.how_fast.{what}")
 
 
 def _homing_speeds(node: NodeSettings, units: Units) -> Iterator[Step]:
@@ -434,7 +436,7 @@ def _one(
     index: int,
     sub: int,
     value: int,
-    why: Said | str,
+    why: Message | str,
     optional: bool = False,
     mask: int = -1,
     waived: bool = False,

@@ -125,7 +125,7 @@ class Drive(PowerStage):
         self._per_count = settings.demand_per_count
         if settings.demand_tpdo:
             self.with_sync += (pdo.tpdo(settings.demand_tpdo, node),)
-            self.handlers[pdo.tpdo(settings.demand_tpdo, node)] = self._told_demand
+            self.handlers[pdo.tpdo(settings.demand_tpdo, node)] = self._receive_demand
         self.probe = TouchProbe(node, settings.probe_tpdo) if settings.probe_tpdo else None
         if self.probe is not None:
             self.handlers |= self.probe.handlers
@@ -160,7 +160,7 @@ class Drive(PowerStage):
         if self._homing:
             self._watch_homing()
 
-    def _told_demand(self, data: memoryview, now_s: float) -> None:
+    def _receive_demand(self, data: memoryview, now_s: float) -> None:
         if len(data) != pdo.DEMAND.size:
             self.malformed += 1
             return

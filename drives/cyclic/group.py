@@ -263,7 +263,7 @@ class Group:
         self._guard_due_s = max(self._guard_due_s, now_s - share_s) + share_s
         line, node = self._guarded[self._guard_turn]
         self._guard_turn = (self._guard_turn + 1) % len(self._guarded)
-        node.asked(now_s)
+        node.request_sent(now_s)
         line.bits += BITS[0]
         return line.send(node.guard_frame) or self._failed(line.first)
 

@@ -24,7 +24,7 @@ STANDING_REV_S = 0.1  # slower than this it stands
 LONGEST_STEP_S = 0.1  # of the ramp, after a pause in the ticks
 HALF, WHOLE = 2**31, 2**32  # of what a position can count
 FULL_LOAD = 1000.0  # of 6077h
-MOST_AHEAD = 50  # SYNCs in a row whose position was there at once: rather, one came twice
+MAX_AHEAD = 50  # SYNCs in a row whose position was there at once: rather, one came twice
 
 _unpack_feedback = pdo.FEEDBACK.unpack
 _pack_command_into = pdo.COMMAND.pack_into
@@ -159,7 +159,7 @@ class SpindleDrive(PowerStage):
         self.even_syncs = self.even_syncs + 1 if even else 0
         self._even_speed = self._sent_speed
         self._ahead = self._ahead + 1 if self.unheard < 1 else 0
-        if self._ahead > MOST_AHEAD:
+        if self._ahead > MAX_AHEAD:
             self.unheard = 1
 
     def _feedback(self, data: memoryview, now_s: float) -> None:

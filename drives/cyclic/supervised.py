@@ -54,7 +54,7 @@ class Supervised:
         handler(data, now_s)
         return True
 
-    def asked(self, now_s: float) -> None:
+    def request_sent(self, now_s: float) -> None:
         """A guarding request has gone out: from the first one on answers are missed."""
         if not self._watched:
             self._watched = True

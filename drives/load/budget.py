@@ -26,7 +26,7 @@ from drives.load.bus_frames import Kind, Row
 from drives.load.stuffing import worst_bits
 from drives.profile import Profile
 from drives.settings import BusSettings, IoSettings, MasterSettings, NodeSettings, SpindleSettings
-from drives.texts import Said, said
+from drives.texts import Message, message
 
 __all__ = ["MAX_SHARE", "BusBudget", "Row", "advice", "of", "worst_bits"]
 
@@ -152,7 +152,7 @@ def advice(
     period_s: float | None = None,
     spindle: SpindleSettings | None = None,
     io: Sequence[IoSettings] = (),
-) -> list[Said]:
+) -> list[Message]:
     """One text for each bus that does not fit, saying what would; empty if all fit."""
     plan = _Plan(tuple(nodes), tuple(buses), master, period_s or master.period_s, _others(spindle, io))
     return [
@@ -192,7 +192,7 @@ class _Plan:
 # --- what would fit ------------------------------------------------------------------------
 
 
-def _refusal(plan: _Plan, bus: BusSettings, budget: BusBudget, max_share: float) -> Said:
+def _refusal(plan: _Plan, bus: BusSettings, budget: BusBudget, max_share: float) -> Message:
     found = (
         _longer_period(plan, bus, max_share),
         _more_buses(plan, bus, max_share),
@@ -203,29 +203,29 @@ def _refusal(plan: _Plan, bus: BusSettings, budget: BusBudget, max_share: float)
     problem = _problem(budget, max_share)
     remedies = [one for one in found if one is not None]
     if not remedies:
-        return said("budget.nothing_fits", bus=budget.bus, problem=problem)
+        return message("budget.nothing_fits", bus=budget.bus, problem=problem)
     fits = remedies[-1]
     for one in remedies[-2::-1]:
-        fits = said("budget.or", one=one, other=fits)
-    return said("budget.fits", bus=budget.bus, problem=problem, fits=fits)
+        fits = message("budget.or", one=one, other=fits)
+    return message("budget.fits", bus=budget.bus, problem=problem, fits=fits)
 
 
-def _problem(budget: BusBudget, max_share: float) -> Said:
+def _problem(budget: BusBudget, max_share: float) -> Message:
     needed_us, period_us = budget.total_us + budget.background_us, budget.period_us
     key = "budget.drive_needs" if budget.drives == 1 else "budget.drives_need"
     figures = {"needed": needed_us, "period": period_us, "share": needed_us / period_us}
-    who = said(key, drives=budget.drives, **figures)
+    who = message(key, drives=budget.drives, **figures)
     if needed_us > max_share * period_us:
-        return said("budget.over", who=who, allowed=max_share)
-    return said("budget.late", who=who, last=budget.last_us)
+        return message("budget.over", who=who, allowed=max_share)
+    return message("budget.late", who=who, last=budget.last_us)
 
 
-def _longer_period(plan: _Plan, bus: BusSettings, max_share: float) -> Said | None:
+def _longer_period(plan: _Plan, bus: BusSettings, max_share: float) -> Message | None:
     profiles = [node.profile for node in plan.nodes]
     periods = (p for p in PERIODS_S if p > plan.period_s and all(_takes(profile, p) for profile in profiles))
     longer = (replace(plan, period_s=period_s) for period_s in periods)
     fitting = next((p for p in longer if p.budget(bus).fits(max_share)), None)
-    return None if fitting is None else said("budget.period", period=fitting.period_s * 1000.0)
+    return None if fitting is None else message("budget.period", period=fitting.period_s * 1000.0)
 
 
 def _takes(profile: Profile, period_s: float) -> bool:
@@ -235,7 +235,7 @@ def _takes(profile: Profile, period_s: float) -> bool:
     return whole and profile.period_min_s - 1e-9 <= period_s <= profile.period_max_s + 1e-9
 
 
-def _more_buses(plan: _Plan, bus: BusSettings, max_share: float) -> Said | None:
+def _more_buses(plan: _Plan, bus: BusSettings, max_share: float) -> Message | None:
     """So many buses that each fits, the axes in their order; spindle and I/O stay on the last."""
     nodes = plan.nodes_on(bus)
     for count in range(2, len(nodes) + 1):
@@ -249,11 +249,11 @@ def _more_buses(plan: _Plan, bus: BusSettings, max_share: float) -> Said | None:
         if all(one.fits(max_share) for one in split.budgets()):
             who = " | ".join(" ".join(node.name for node in few) for few in shares)
             key = "budget.buses_of_one" if most == 1 else "budget.buses"
-            return said(key, count=count, most=most, who=who)
+            return message(key, count=count, most=most, who=who)
     return None
 
 
-def _other_bus(plan: _Plan, bus: BusSettings, max_share: float) -> Said | None:
+def _other_bus(plan: _Plan, bus: BusSettings, max_share: float) -> Message | None:
     """One axis over to a bus that is there and has room."""
     for node in reversed(plan.nodes_on(bus)):
         for other in plan.buses:
@@ -262,20 +262,20 @@ def _other_bus(plan: _Plan, bus: BusSettings, max_share: float) -> Said | None:
             taken = any(n.node == node.node for n in plan.nodes_on(other))
             if other is not bus and all(there.budget(one).fits(max_share) for one in (bus, other)):
                 key = "budget.other_bus_renumbered" if taken else "budget.other_bus"
-                return said(key, name=node.name, bus=other.name)
+                return message(key, name=node.name, bus=other.name)
     return None
 
 
-def _without_feed_forward(plan: _Plan, bus: BusSettings, max_share: float) -> Said | None:
+def _without_feed_forward(plan: _Plan, bus: BusSettings, max_share: float) -> Message | None:
     names = [node.name for node in plan.nodes_on(bus) if node.feed_forward]
     plain = replace(plan, nodes=tuple(replace(node, feed_forward=False) for node in plan.nodes))
     if not names or not plain.budget(bus).fits(max_share):
         return None
-    return said("budget.no_feed_forward", names=" ".join(names))
+    return message("budget.no_feed_forward", names=" ".join(names))
 
 
-def _faster(plan: _Plan, bus: BusSettings, max_share: float) -> Said | None:
+def _faster(plan: _Plan, bus: BusSettings, max_share: float) -> Message | None:
     fast = replace(bus, bit_rate=FASTEST_BIT_RATE)
     if bus.bit_rate >= FASTEST_BIT_RATE or not plan.budget(fast).fits(max_share):
         return None
-    return said("budget.bit_rate", rate=FASTEST_BIT_RATE // 1000)
+    return message("budget.bit_rate", rate=FASTEST_BIT_RATE // 1000)

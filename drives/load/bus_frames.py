@@ -24,7 +24,7 @@ from drives.settings import (
     NodeSettings,
     SpindleSettings,
 )
-from drives.texts import Said, english, said
+from drives.texts import Message, english, message
 
 CONTROLLER = "controller"
 
@@ -59,7 +59,7 @@ class Row:
     remote: bool = False
 
     @property
-    def text(self) -> Said:
+    def text(self) -> Message:
         """What it is, and whose."""
         return text(self.frame, self.node)
 
@@ -106,9 +106,9 @@ class Row:
         }
 
 
-def text(frame: str, names: str) -> Said:
+def text(frame: str, names: str) -> Message:
     """What a frame is, and whose; ``names`` of one node or several."""
-    return said(f"frame.{frame}", name=names)
+    return message(f"frame.{frame}", name=names)
 
 
 def of(

@@ -13,7 +13,7 @@ import re
 from collections.abc import Iterable, Iterator
 
 from drives.pdo import ERROR_FLAG, EXTENDED_FLAG, FRAME, REMOTE_FLAG
-from drives.texts import TextError, said
+from drives.texts import TextError, message
 
 LINE = re.compile(
     r"\((\d+\.\d+)\)\s+(\S+)\s+([0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})#(R[0-8]?|(?:[0-9A-Fa-f]{2}){0,8})(?: [RT])?\Z"
@@ -40,7 +40,7 @@ def parse(text: str) -> Logged:
     """The frame of one line. Raises CandumpError."""
     found = LINE.match(text.strip())
     if found is None:
-        raise CandumpError(said("candump.no_line", text=text.strip()))
+        raise CandumpError(message("candump.no_line", text=text.strip()))
     at_s, bus, name, payload = found.groups()
     can_id = int(name, 16)
     if len(name) == 8 and not can_id & ERROR_FLAG:
@@ -58,7 +58,7 @@ def read(lines: Iterable[str]) -> Iterator[Logged]:
             try:
                 yield parse(text)
             except CandumpError as error:
-                raise CandumpError(said("candump.line", line=number, why=error)) from None
+                raise CandumpError(message("candump.line", line=number, why=error)) from None
 
 
 def save(path: str | os.PathLike[str], frames: Iterable[Logged]) -> None:

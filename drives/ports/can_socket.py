@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from drives import pdo
 from drives.ports.port import BusError, FrameSocket
 from drives.settings import BusSettings
-from drives.texts import said
+from drives.texts import message
 
 # Error classes that end a motion (linux/can/error.h): controller problems, bus-off, restarted.
 ERROR_CLASSES = 0x004 | 0x040 | 0x100
@@ -68,7 +68,7 @@ def open_socket(settings: BusSettings, filters: Sequence[tuple[int, int]]) -> Ca
     try:
         sock = socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)
     except OSError as error:
-        raise BusError(said("bus.no_can", name=settings.name, why=error)) from error
+        raise BusError(message("bus.no_can", name=settings.name, why=error)) from error
     try:
         sock.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FILTER, kernel_filters(filters))
         sock.setsockopt(socket.SOL_CAN_RAW, CAN_RAW_ERR_FILTER, ERROR_CLASSES)
@@ -76,7 +76,7 @@ def open_socket(settings: BusSettings, filters: Sequence[tuple[int, int]]) -> Ca
     except OSError as error:
         sock.close()
         raise BusError(
-            said(
+            message(
                 "bus.no_interface",
                 name=settings.name,
                 channel=settings.channel,
@@ -107,7 +107,7 @@ def _lengthen_queue(sock: socket.socket, settings: BusSettings) -> None:
         fcntl.ioctl(sock, SIOCSIFTXQLEN, request)
     except OSError as error:
         raise BusError(
-            said(
+            message(
                 "bus.short_queue",
                 name=settings.name,
                 channel=settings.channel,

@@ -1,6 +1,6 @@
 """How a process joins the virtual bus of another: the hub's socket and its control frames.
 
-A client's packet holds one or more 16-byte frames, up to ``MOST_SENT``. They begin when the packet is sent,
+A client's packet holds one or more 16-byte frames, up to ``MAX_SENT``. They begin when the packet is sent,
 those behind an ``AHEAD`` at its time. A packet to it holds exactly one, unless it has said that it takes
 more: ``MANY`` frames, or for a log records of ``TIMED``, gathered for ``GATHER_S``. Control frames use error
 classes that no CAN controller reports, so that nothing else on a bus can look like one.
@@ -27,8 +27,8 @@ RESTART_FRAME = FRAME.pack(RESTART, 0, b"")
 PATIENT_FRAME = FRAME.pack(PATIENT, 0, b"")
 TIMES_FRAME = FRAME.pack(TIMES, 0, b"")
 
-MOST_FRAMES: Final = 256  # of a packet from the hub
-MOST_SENT: Final = 64  # of a packet to it
+MAX_FRAMES: Final = 256  # of a packet from the hub
+MAX_SENT: Final = 64  # of a packet to it
 TIMED: Final = Struct("<d16s")  # when it left the wire (CLOCK_MONOTONIC, s), and the frame
 FILTERED: Final = Struct("<II")
 GATHER_S = 0.05  # a log need not be woken more often

@@ -23,8 +23,8 @@ RECEIVE_BYTES = 1 << 20
 
 LOST_FRAMES_BYTE = hub_protocol.LOST_FRAMES >> 24  # tells that frame from every other
 
-HUB_PACKET_BYTES = hub_protocol.MOST_FRAMES * pdo.FRAME_BYTES
-SENT_BYTES = hub_protocol.MOST_SENT * pdo.FRAME_BYTES
+HUB_PACKET_BYTES = hub_protocol.MAX_FRAMES * pdo.FRAME_BYTES
+SENT_BYTES = hub_protocol.MAX_SENT * pdo.FRAME_BYTES
 
 
 class BusError(TextError):

@@ -17,7 +17,7 @@ from drives import pdo
 from drives.ports import slcan
 from drives.ports.port import Buffer, BusError
 from drives.settings import BusSettings
-from drives.texts import said
+from drives.texts import message
 
 READ_BYTES = 65536
 MAX_UNSENT = 4096  # bytes that may wait for the driver; some 150 frames
@@ -139,11 +139,11 @@ def open_serial(settings: BusSettings) -> SlcanPort:
     if settings.bit_rate not in slcan.BIT_RATES:
         rates = ", ".join(f"{rate}" for rate in slcan.BIT_RATES)
         raise BusError(
-            said("bus.serial_bit_rate", name=settings.name, bit_rate=settings.bit_rate, rates=rates)
+            message("bus.serial_bit_rate", name=settings.name, bit_rate=settings.bit_rate, rates=rates)
         )
     path, _, baud = settings.channel.partition("@")
     if baud and not baud.isdecimal():
-        raise BusError(said("bus.serial_baud", name=settings.name, baud=baud, path=path))
+        raise BusError(message("bus.serial_baud", name=settings.name, baud=baud, path=path))
     port = SlcanPort(_open_line(settings.name, path, int(baud or BAUD)), settings.name)
     try:
         _set_up(port, slcan.BIT_RATES[settings.bit_rate], settings)
@@ -161,7 +161,7 @@ def _open_line(name: str, path: str, baud: int) -> int:
         with serial.Serial(path, baud, timeout=0, exclusive=True) as line:
             return os.dup(line.fileno())
     except (serial.SerialException, OSError, ValueError) as error:
-        raise BusError(said("bus.serial_not_open", name=name, path=path, why=error)) from error
+        raise BusError(message("bus.serial_not_open", name=name, path=path, why=error)) from error
 
 
 def _set_up(port: SlcanPort, rate: str, settings: BusSettings) -> None:
@@ -169,12 +169,12 @@ def _set_up(port: SlcanPort, rate: str, settings: BusSettings) -> None:
     for command in ("\r\rC", "Z0"):  # an adapter that is closed already, or has no time stamps, says BEL
         _tell(port, command)
     for command, what in (
-        (rate, said("bus.a_bit_rate", bit_rate=settings.bit_rate)),
-        ("O", said("bus.opening")),
+        (rate, message("bus.a_bit_rate", bit_rate=settings.bit_rate)),
+        ("O", message("bus.opening")),
     ):
         if not _tell(port, command):
             raise BusError(
-                said("bus.serial_refuses", name=settings.name, channel=settings.channel, what=what)
+                message("bus.serial_refuses", name=settings.name, channel=settings.channel, what=what)
             )
     port.overflows = port.malformed = 0
 

@@ -282,7 +282,7 @@ class PlanReader:
     def take(self, period: int, begins: bool) -> bool:
         """Takes the newest whole plan that may be played from ``period`` on; whether there was one.
 
-        ``begins``: only a beginning will do.
+        ``begins``: only a beginning will do, of which a row is left to be played.
         """
         one, other = self._memory.areas
         newest = (one, other) if _number(one) > _number(other) else (other, one)
@@ -298,7 +298,8 @@ class PlanReader:
             if not sealed:
                 continue
             self.seen = number
-            if first > period or (begins and not anew) or (changes < period and not anew):
+            begun = anew and period < first + nominal
+            if first > period or (begins and not begun) or (changes < period and not anew):
                 self.refused += 1
                 return False
             self.number, self.first, self.nominal = number, first, nominal

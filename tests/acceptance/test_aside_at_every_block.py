@@ -91,7 +91,7 @@ class Operator:
             planner.go_back(self.now)
         else:
             planner.retract(self.now, ASIDE_MM)
-        self.stepped.go(50, lambda: planner.told(self.now))
+        self.stepped.go(50, lambda: planner.is_path_accepted(self.now))
         self.resume()
 
     def all_of_it(self, look: str, pause: int = 0) -> None:

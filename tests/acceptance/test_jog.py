@@ -128,7 +128,7 @@ def test_a_program_starts_from_where_a_jog_has_left_the_machine() -> None:
     stepped.go(50_000, lambda: stepped.cycle.modes.mode is Mode.READY)
     assert stepped.joints == pytest.approx(HIGH)
     built = source("G21 G90 G54\nG53 G0 X-20. Y10.\nG1 Z40. F3000.\nM30\n", stepped.machine)
-    tracer = path.Tracer(built.name, built.machine, built.kinematics, stepped.joints, {})
+    tracer = path.PathBuilder(built.name, built.machine, built.kinematics, stepped.joints, {})
     run = stepped.run(Items(tracer.items(built.blocks)))
     assert run.result == "completed", run.fault_text
     assert columns(run.rows, "joint_command")[0] == pytest.approx(HIGH, abs=1e-3)

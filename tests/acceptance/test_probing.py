@@ -8,6 +8,8 @@ import re
 
 import numpy as np
 import pytest
+from support.machines import probing_machine
+from support.suite.seed import SEED
 
 from controller.geometry.vectors import add, norm, scale, subtract, unit
 from controller.ipc.handoff import COLUMN, of_axes
@@ -17,8 +19,6 @@ from controller.plan.retract import NotPossible
 from controller.program.program import ProgramError
 from controller.runtime import checked, replay
 from controller.state.modes import Fault, Mode, Request
-from tests.support.machines import probing_machine
-from tests.support.suite.seed import SEED
 
 BALL = 3.0
 CENTRE, RADIUS = (10.0, -5.0, 30.0), 15.0

@@ -6,11 +6,11 @@ import math
 import random
 
 import pytest
+from support.machines import probing_machine
+from support.suite.seed import SEED
 
 from controller.program import linked, probing_cycles
 from tests.acceptance.test_probing import told
-from tests.support.machines import probing_machine
-from tests.support.suite.seed import SEED
 
 PERIOD = {"period_s = 0.002": "period_s = 0.01"}  # what a cycle makes of its touches does not hang on it
 HEAD = "G21 G90 G54\nT99 M6\nG43 H99\n#<_probe_feed>=900.\n#<_probe_slow>=200.\n"

@@ -9,12 +9,12 @@ from __future__ import annotations
 import random
 
 import pytest
+from support.machines import probing_machine
+from support.suite.seed import SEED
 
 from controller.program import blocks
 from controller.program.program import JointLine, ProgramError, Setting
 from tests.acceptance.test_probing import told
-from tests.support.machines import probing_machine
-from tests.support.suite.seed import SEED
 
 MACROS = """
 O9810 (PROTECTED WAY: X Y Z F)

@@ -149,7 +149,7 @@ def looking(stepped: SteppedMachine, kept: Journal) -> Snapshot:
     now = stepped.board.read()
     assert now is not None
     spot = stepped.planner.spot(now)
-    known = journal.Known(spot.fraction if spot is not None else 0.0)
+    known = journal.RunProgress(spot.fraction if spot is not None else 0.0)
     kept.look(now, stepped.recorder.last, lambda *_: known)
     return now
 

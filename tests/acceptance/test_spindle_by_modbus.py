@@ -111,7 +111,7 @@ def _cut_off(made: Turned) -> None:
 def test_a_fault_of_its_own_stops_the_path_and_is_reset_with_the_machine() -> None:
     made, now = _fails(_break)
     assert (now.mode, now.fault, now.at_rest) == (Mode.FAULT, Fault.SPINDLE_LOST, True)
-    assert made.real[-1] == 0.0 and made.far.slot.wanted()[0].rev_min == 0.0
+    assert made.real[-1] == 0.0 and made.far.slot.commanded()[0].rev_min == 0.0
     made.bench.request(Request.RESET)
     made.ticks(200)
     assert not made.far.inverter.fault and made.real[-1] == 0.0, "it does not turn again by itself"
@@ -125,7 +125,7 @@ def test_a_silence_longer_than_silent_s_stops_the_path_and_a_shorter_one_does_no
     assert (now.mode, now.fault, now.at_rest) == (Mode.FAULT, Fault.SPINDLE_LOST, True)
     first = next(i for i, one in enumerate(made.seen) if one.fault is Fault.SPINDLE_LOST)
     assert 0.4 <= (first - CUTTING) * made.machine.period_s <= 0.7
-    assert made.far.slot.wanted()[0].rev_min == 0.0, "where it still hears"
+    assert made.far.slot.commanded()[0].rev_min == 0.0, "where it still hears"
     short = Turned(machine())
     short.at = {CUTTING: lambda: _cut_off(short), CUTTING + 150: lambda: setattr(short.far, "mute", False)}
     assert short.run(PROGRAM).result == "completed"

@@ -30,7 +30,7 @@ from controller.cli import remote, status_view
 from controller.faults import Fault
 from controller.ipc.control_socket import Client, CommandRefused
 from controller.machine import drive_profiles, machine_file
-from controller.messages import LANGUAGES, Key, plain, said, told
+from controller.messages import LANGUAGES, Key, message, plain, with_sentences
 from controller.service.command_handlers import CommandHandlers
 from controller.service.service import Service
 from controller.service.socket_server import Server
@@ -120,15 +120,15 @@ def scene(socket: Path, tmp_path: Path) -> Scene:
     with scene.store.uploads.begin("part.ngc") as upload:
         upload.write(PROGRAM)
         upload.commit()
-    scene.store.alarms.add("PROGRAM", said("stands_before"), cause=said("cause.EMCY"))
+    scene.store.alarms.add("PROGRAM", message("stands_before"), cause=message("cause.EMCY"))
     run = scene.store.runs.begin("part.ngc", "0" * 64)
-    scene.store.runs.end(run, "fault", **said("service_ended"))
+    scene.store.runs.end(run, "fault", **message("service_ended"))
     return scene
 
 
 def in_trouble(service: Service, engine: FakeEngine) -> None:
     """A status in which everything is told that can be told at once."""
-    row = said("at.spindle", rev_min="0", coolant=Key("at.off"), feed=Key("at.none"))
+    row = message("at.spindle", rev_min="0", coolant=Key("at.off"), feed=Key("at.none"))
     engine.answers["check"] = lambda **_: {**CHECKED, "restart": [row]}
     more = {"interlock": Fault.DOOR_OPEN, "warning": Fault.DRIVE_WARNING, "fault_axis": 1, "fault_off": 0.5}
     engine.now = engine.now._replace(mode=Mode.FAULT, fault=Fault.FOLLOWING_ERROR, **more)
@@ -165,7 +165,7 @@ def test_through_the_socket_go_keys_and_no_sentence_at_all(
                     client.ask(verb, **args)
                 except CommandRefused as error:
                     assert not english_in(error.to_dict()), verb
-                    assert not english_in(told(error.to_dict(), "xx")), verb
+                    assert not english_in(with_sentences(error.to_dict(), "xx")), verb
                     said_by.add(error.said["key"])
                     raise
     assert len(said_by - {"text"}) > 12, said_by

@@ -5,11 +5,11 @@ from __future__ import annotations
 import random
 
 import pytest
+from support.machines import probing_machine
+from support.suite.seed import SEED
 
 from controller.program import linked, probing_cycles
 from tests.acceptance.test_probing import told
-from tests.support.machines import probing_machine
-from tests.support.suite.seed import SEED
 
 pytestmark = pytest.mark.slow
 

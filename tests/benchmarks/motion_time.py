@@ -29,7 +29,7 @@ from support.suite.figures import Figure, Report  # noqa: E402
 from controller.machine.kinematics import kinematics_of  # noqa: E402
 from controller.machine.model import Machine  # noqa: E402
 from controller.plan.feed import profile  # noqa: E402
-from controller.plan.feed.course import Course  # noqa: E402
+from controller.plan.feed.course import FeedCourse  # noqa: E402
 from controller.plan.path.path import Chain  # noqa: E402
 from controller.program.program import ProgramError  # noqa: E402
 
@@ -61,7 +61,7 @@ def measured(name: str, source: str, machine: Machine) -> Cut:
     for chain in chains:
         for run in profile.split_at_stops(chain.stretches, machine, kinematics):
             before = time.process_time()
-            course = Course(run, machine, kinematics)
+            course = FeedCourse(run, machine, kinematics)
             planned = profile.plan(course)
             assert planned is not None, name
             cpu += time.process_time() - before

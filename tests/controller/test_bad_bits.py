@@ -37,7 +37,7 @@ from controller.ipc.control_socket import CommandRefused
 from controller.machine import setup_data, tool_store
 from controller.machine.toml_table import ConfigError
 from controller.machine.tool_store import ToolStore
-from controller.messages import said
+from controller.messages import message
 from controller.runtime.startup import SessionError
 from controller.service import kept_file, runs
 from controller.service.command_handlers import CommandHandlers
@@ -65,7 +65,7 @@ def used(tmp_path_factory: pytest.TempPathFactory) -> Path:
     service.changer.store.confirm({1: 1, 2: 0})
     cutting_service.cut(service)
     service.watch.look()
-    service.alarms.add("TEST", said("stopped"))
+    service.alarms.add("TEST", message("stopped"))
     service.usage.set_item("oil", "motion", 10.0)
     service.usage.save(at_once=True)
     service.probed.add("a.ngc", [{"cycle": "bore", "values": {"x_mm": 1.0}}])
@@ -84,7 +84,7 @@ def used(tmp_path_factory: pytest.TempPathFactory) -> Path:
             upload.write(f"({name})\nM2\n".encode())
             upload.commit()
     store.users.set(USER, QUICK.hash("correct horse"), "set_up")
-    store.alarms.add("TEST", said("stopped"), axis="X")
+    store.alarms.add("TEST", message("stopped"), axis="X")
     store.runs.end(store.runs.begin("a.ngc", "0" * 64, ticks=7), "stopped")
     store.queue.add("b.ngc", 3, USER)
     store.users.set("bert", QUICK.hash("battery staple"), "view")
@@ -175,7 +175,7 @@ def as_it_was(app: Any, folder: Path) -> None:
     with contextlib.suppress(StoreError, ConfigError, OSError), contextlib.closing(Store(state)) as store:
         backup.save(store, MACHINE, folder / "saved.zip")
     control_socket.runtime_of(state)
-    control_socket.last_told(state, "status")
+    control_socket.last_known(state, "status")
 
 
 def damaged(state: Path, rng: random.Random, cut: bool) -> str:
@@ -324,7 +324,7 @@ def test_a_part_of_the_users_that_is_lost_is_told_and_the_others_log_in(folder: 
         sql.commit()
     panel, strangers, logged_in = asyncio.run(answered(app, folder / "state"))
     assert set(strangers) == {401} and 200 in logged_in
-    assert panel.users.lost == said("users_lost_some", were=2, are=1)
+    assert panel.users.lost == message("users_lost_some", were=2, are=1)
 
 
 def test_a_store_of_before_there_were_notes_is_as_open_as_it_was(tmp_path: Path, app: Any) -> None:

@@ -36,7 +36,7 @@ from controller.ipc.handoff import ROW
 from controller.machine import arrangement, setup_data, tool_store
 from controller.machine import machine_file as config
 from controller.machine.tool_store import ToolStore
-from controller.messages import said
+from controller.messages import message
 from controller.plan.report import stored
 from controller.runtime import recording
 from controller.runtime.setpoints import SETPOINTS
@@ -196,7 +196,7 @@ DONE: dict[str, Do] = {
     "fitted": _fitted,
     "journal": _journal,
     "check": _checked,
-    "alarm": lambda state, _: Alarms(state).add("TEST", said("stopped")),
+    "alarm": lambda state, _: Alarms(state).add("TEST", message("stopped")),
     "commissioned": lambda state, _: arrangement.save(state / "arranged", shipped(), []),
     "noted": lambda state, _: control_socket.note_runtime(state, Path("/run/directrix")),
 }

@@ -18,7 +18,7 @@ from controller.api.database import StoreError
 from controller.api.store import DAMAGED, Store
 from controller.machine.toml_table import ConfigError
 from controller.machine.tool_store import Step, ToolStore
-from controller.messages import said
+from controller.messages import message
 
 STORE, TOOLS = "store.sqlite", "tools.db"
 
@@ -36,7 +36,7 @@ def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
     store.settings.set("upload_mb", 8, "anna")
     for result in ("completed", "stopped"):
         store.runs.end(store.runs.begin("a.ngc", "0" * 64, ticks=7), result)
-    store.alarms.add("TEST", said("stopped"), axis="X")
+    store.alarms.add("TEST", message("stopped"), axis="X")
     store.queue.add("a.ngc", 3, "anna")
     store.close()
     tools = ToolStore(folder / TOOLS)

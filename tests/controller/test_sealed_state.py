@@ -59,7 +59,7 @@ def _last(state: Path) -> Path:
 
 
 def _status(state: Path) -> Any:
-    found = control_socket.last_told(state, "status")
+    found = control_socket.last_known(state, "status")
     found.pop("gone_s", None)
     return found or None
 

@@ -70,7 +70,7 @@ def test_what_is_too_much_for_a_packet_is_several_with_their_times(hub_end):
         assert port.send(five)
     port.hand_over()
     found = packets(theirs)
-    assert max(map(len, found)) <= 16 * hub_protocol.MOST_SENT and len(found) == 2
+    assert max(map(len, found)) <= 16 * hub_protocol.MAX_SENT and len(found) == 2
     assert b"".join(found).count(bytes(pdo.frame(0x201))) == 100
     assert all(packet.startswith(begins(ns)) for packet, ns in zip(found, (0, 10_000_000), strict=True))
 

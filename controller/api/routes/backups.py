@@ -47,7 +47,7 @@ async def backups(request: Request) -> BackupList:
     try:
         found = await asyncio.to_thread(own_backups.saved, store)
     except OSError as error:
-        raise Refusal.told(503, "store", "no_backup", why=of_error(error)) from error
+        raise Refusal.of(503, "store", "no_backup", why=of_error(error)) from error
     return BackupList(
         backups=[_facts(one) for one in found],
         kept=own_backups.KEPT,
@@ -66,13 +66,13 @@ async def save(request: Request) -> Backup:
     """Save a back-up of now; also while the machine runs."""
     panel = panel_of(request)
     if panel.saving.locked():
-        raise Refusal.told(429, "many", "backup_busy", headers={"Retry-After": "1"})
+        raise Refusal.of(429, "many", "backup_busy", headers={"Retry-After": "1"})
     async with panel.saving:
         await asyncio.to_thread(ticks.machine_of, panel.store.folder)  # or a refusal that says there is none
         try:
             return _facts(await asyncio.to_thread(own_backups.save, panel.store))
         except (ConfigError, OSError, ValueError) as error:
-            raise Refusal.told(503, "store", "no_backup", why=of_error(error)) from error
+            raise Refusal.of(503, "store", "no_backup", why=of_error(error)) from error
 
 
 @router.get("/backups/{file}", dependencies=[needs(Role.SET_UP)], response_class=FileResponse, responses=FILE)
@@ -84,7 +84,7 @@ async def download(request: Request, file: FileName) -> Opened:
         try:
             return Opened(own_files.opened(folder / file, os.O_RDONLY, folder.parent, shared=True), file)
         except OSError:
-            raise Refusal.told(404, "missing", "missing", what=Key("what.backup"), name=file) from None
+            raise Refusal.of(404, "missing", "missing", what=Key("what.backup"), name=file) from None
 
     return await asyncio.to_thread(opened)
 

@@ -79,8 +79,8 @@ async def evaluate(request: Request, name: Annotated[str, Path(max_length=20)], 
     _there(kind, body)
     job = {"measurement": name, "values": values, "table": body.table, "file": "table"}
     job |= {"state": str(panel.store.folder), **await asyncio.to_thread(_program, panel, body.program)}
-    busy = Refusal.told(429, "many", "calibration.busy", headers={"Retry-After": "1"})
-    failed = Refusal.told(503, "unread", "calibration.unread", seconds=panel.measuring.longest_s)
+    busy = Refusal.of(429, "many", "calibration.busy", headers={"Retry-After": "1"})
+    failed = Refusal.of(503, "unread", "calibration.unread", seconds=panel.measuring.longest_s)
     async with _recording(request, body.ticks if kind.takes == "ticks" else None) as file:
         answer = await panel.measuring.run({**job, "recording": file}, busy, failed)
     if refused := answer.get("refused"):
@@ -96,7 +96,7 @@ def _there(kind: measurements.Measurement, body: Measured) -> None:
         "no_program": kind.program == "yes" and not body.program,
     }
     if missing := next((key for key, lacks in needed.items() if lacks), None):
-        raise Refusal.told(422, "form", f"calibration.{missing}")
+        raise Refusal.of(422, "form", f"calibration.{missing}")
 
 
 def _program(panel: Panel, name: str) -> Mapping[str, Any]:

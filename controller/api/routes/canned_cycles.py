@@ -32,6 +32,6 @@ async def picture(code: Annotated[str, Path(max_length=10)]) -> Response:
     """Seen from the side: solid at feed, dashed at rapid, 98 and R the heights of G98 and G99."""
     known = (await cycles()).cycles
     if code not in known:
-        raise Refusal.told(404, "missing", "no_drawing", found=code, allowed=", ".join(known))
+        raise Refusal.of(404, "missing", "no_drawing", found=code, allowed=", ".join(known))
     drawn = (PICTURES / f"{code.lower()}.svg").read_text(encoding="utf-8")
     return Response(drawn, media_type="image/svg+xml")

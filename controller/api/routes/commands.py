@@ -106,7 +106,7 @@ def _endpoint(command: Command, rest: Rest) -> Callable[..., Awaitable[models.Do
     of_role = [one.name for one in command.arguments if one.is_role]
     model = body_of(command, rest)
 
-    async def asked(request: Request, body: Any = None, **path: Any) -> models.Done:
+    async def endpoint(request: Request, body: Any = None, **path: Any) -> models.Done:
         values = {one.name: path[one.in_path] for one in in_path}
         if body is not None:
             values |= body.model_dump()
@@ -126,9 +126,9 @@ def _endpoint(command: Command, rest: Rest) -> Callable[..., Awaitable[models.Do
         default = None if rest.bodiless else inspect.Parameter.empty
         annotation = model | None if rest.bodiless else model
         parameters.append(inspect.Parameter("body", kind, annotation=annotation, default=default))
-    asked.__signature__ = inspect.Signature(parameters, return_annotation=models.Done)  # type: ignore[attr-defined]
-    asked.__name__, asked.__doc__ = rest.name or command.name, rest.text
-    return asked
+    endpoint.__signature__ = inspect.Signature(parameters, return_annotation=models.Done)  # type: ignore[attr-defined]
+    endpoint.__name__, endpoint.__doc__ = rest.name or command.name, rest.text
+    return endpoint
 
 
 def body_of(command: Command, rest: Rest) -> Any:

@@ -12,7 +12,7 @@ from controller.api.access import moves, needs, panel_of
 from controller.api.answers import Answer, Refusal, documented
 from controller.api.roles import Role
 from controller.api.routes.machine import LOOKS
-from controller.messages import said
+from controller.messages import message
 
 router = APIRouter(tags=["cycle"])
 
@@ -32,7 +32,7 @@ async def load(request: Request, response: Response, body: models.Load) -> model
     Location names, tells by its state when it is loaded, or was refused and why.
     """
     if body.restart and (body.line, body.fraction, body.dry_run_mm) != (None, None, None):
-        raise Refusal.told(409, "bad", "restart_line")
+        raise Refusal.of(409, "bad", "restart_line")
     where = body.model_dump(include={"line", "fraction", "dry_run_mm"}, exclude_none=True)
     where |= {key: True for key in ("restart", "block_delete") if getattr(body, key)}
     panel = panel_of(request)
@@ -59,7 +59,7 @@ async def job(request: Request) -> Answer:
     """The program that is loaded, being loaded or under way, or that was last, as the status has it."""
     found = (await panel_of(request).watch.status()).get("job")
     if not found:
-        raise Refusal.told(404, "missing", "not_loaded")
+        raise Refusal.of(404, "missing", "not_loaded")
     return Answer(found)
 
 
@@ -73,6 +73,6 @@ async def restart(request: Request) -> models.RestartFacts:
     kept = await asyncio.to_thread(panel.store.programs.list)
     same = [program.name for program in kept if program.sha256 == found["sha256"]]
     if not same:
-        words = {} if found.get("key") else dict(said("not_stored", program=found["name"]))
+        words = {} if found.get("key") else dict(message("not_stored", program=found["name"]))
         return models.RestartFacts(**{**found, "offered": False, **words})
     return models.RestartFacts(**found, program=found["name"] if found["name"] in same else same[0])

@@ -115,7 +115,7 @@ def _pictured(panel: Panel, name: str) -> tuple[str, ProgramCheck]:
     check = panel.checker.of(program) if panel.checker is not None else None
     key = str(check.result.get("stored") or check.result.get("pictured") or "") if check is not None else ""
     if check is None or not key:
-        raise Refusal.told(404, "missing", "no_picture", program=name)
+        raise Refusal.of(404, "missing", "no_picture", program=name)
     return Path(key).name, check
 
 
@@ -123,7 +123,7 @@ def _shape(panel: Panel, name: str, key: str) -> picture.Shape:
     try:
         return picture.load(panel.store.folder / PICTURES / f"{key}.npz")
     except (OSError, ValueError, KeyError):
-        raise Refusal.told(404, "missing", "picture_gone", program=name) from None
+        raise Refusal.of(404, "missing", "picture_gone", program=name) from None
 
 
 def _json(found: picture.Shape) -> str:

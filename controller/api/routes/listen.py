@@ -35,7 +35,7 @@ async def events(
     panel = panel_of(websocket)
     wanted = frozenset(topics.split(","))
     if unknown := sorted(wanted - set(TOPICS)):
-        raise Refusal.told(422, "topics", "no_topic", name=repr(unknown[0][:40]), allowed=", ".join(TOPICS))
+        raise Refusal.of(422, "topics", "no_topic", name=repr(unknown[0][:40]), allowed=", ".join(TOPICS))
     chosen = messages.chosen(language, language_of(websocket))
     who = await principal(websocket)
     with panel.events.listening(wanted, who, address(websocket), chosen, changes) as listener:

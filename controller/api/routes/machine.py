@@ -26,7 +26,7 @@ Last = Annotated[
 async def ask(request: Request, verb: str, **args: Any) -> models.Done:
     """One verb of the service, done. Raises Refusal."""
     panel = panel_of(request)
-    panel.go_on.asked(verb)
+    panel.go_on.on_command(verb)
     return models.Done(request=verb, result=await panel.door.ask(verb, **args))
 
 
@@ -39,7 +39,7 @@ async def ask(request: Request, verb: str, **args: Any) -> models.Done:
 async def status(request: Request, last: Last = False) -> Answer:
     """What the machine is doing: mode, job with its exact time left, joints, what limits the feed."""
     panel = panel_of(request)
-    now = await _or_last_told(panel.watch.status(), request, "status", last)
+    now = await _or_last_known(panel.watch.status(), request, "status", last)
     # As it is, not through the model: this is asked for a hundred times a second.
     return Answer({**now, "control": panel.control.holder or None})
 
@@ -47,19 +47,19 @@ async def status(request: Request, last: Last = False) -> Answer:
 @router.get("/facts", dependencies=[needs(Role.VIEW)], responses=documented(401, 403, 422, 503))
 async def facts(request: Request, last: Last = False) -> dict[str, Any]:
     """What does not change while the machine moves: axes, units, limits, tools, offsets, period."""
-    return await _or_last_told(panel_of(request).door.ask("facts"), request, "facts", last)
+    return await _or_last_known(panel_of(request).door.ask("facts"), request, "facts", last)
 
 
-async def _or_last_told(
+async def _or_last_known(
     asked: Awaitable[dict[str, Any]], request: Request, what: str, wanted: bool
 ) -> dict[str, Any]:
-    """The answer, or what a service that is gone told last; one that is there and silent is refused."""
+    """The answer, or the last values of a service that has ended; one that runs and is silent is refused."""
     try:
         return await asked
     except Refusal as refusal:
         if wanted and refusal.facts.code == "gone":
             folder = panel_of(request).store.folder
-            if found := await asyncio.to_thread(control_socket.last_told, folder, what):
+            if found := await asyncio.to_thread(control_socket.last_known, folder, what):
                 return found
         raise
 

@@ -97,8 +97,8 @@ async def test(request: Request) -> NoticeFacts:
     """Send one now by every way that is set, once; ``last`` tells what came of it."""
     panel = panel_of(request)
     found = await _load(panel)
-    if not found.wanted:
-        raise Refusal.told(409, "refused", "notice_none")
+    if not found.is_enabled:
+        raise Refusal.of(409, "refused", "notice_none")
     await panel.notices.test(found)
     return _facts(panel, found)
 

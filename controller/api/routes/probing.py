@@ -86,10 +86,10 @@ async def touches(request: Request) -> Response:
     try:
         lines = await asyncio.to_thread(record_files.touches, state)
     except FileNotFoundError:
-        raise Refusal.told(404, "missing", "no_touches") from None
+        raise Refusal.of(404, "missing", "no_touches") from None
     except (OSError, ValueError, TypeError) as error:
         file, why = state / record_files.TOUCHES, of_error(error)
-        raise StoreError.told("store", "store_unread", file=file, why=why) from error
+        raise StoreError.of("store", "store_unread", file=file, why=why) from error
     return Response("".join(f"{line}\n" for line in lines), media_type="text/csv")
 
 
@@ -103,5 +103,5 @@ async def picture(name: Annotated[str, Path(max_length=20)]) -> Response:
     """What a cycle does: the part, the way of the probe, where it touches, the letters of its values."""
     if (drawn := probing_cycles.picture(name)) is None:
         allowed = ", ".join(probing_cycles.CYCLES)
-        raise Refusal.told(404, "missing", "probe_cycle", found=name, allowed=allowed)
+        raise Refusal.of(404, "missing", "probe_cycle", found=name, allowed=allowed)
     return Response(drawn, media_type="image/svg+xml")

@@ -51,7 +51,7 @@ async def take(request: Request) -> Received:
         try:
             return asyncio.run_coroutine_threadsafe(panel.watch.in_use(), loop).result(IN_USE_S)
         except TimeoutError:  # it waits behind a crowd of questions to a service that hangs
-            raise Refusal.told(503, "silent", "silent_service") from None
+            raise Refusal.of(503, "silent", "silent_service") from None
 
     kind = request.headers.get("content-type", "")
     received = await multipart.receive(request.stream(), kind, panel.store.uploads, who.name, in_use)

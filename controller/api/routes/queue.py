@@ -94,7 +94,7 @@ async def load_next(request: Request, response: Response) -> models.Done:
     """Load what is next, as POST /job does; it is started by POST /cycle/start."""
     panel = panel_of(request)
     if (front := await asyncio.to_thread(panel.store.queue.front)) is None:
-        raise Refusal.told(409, "refused", "queue_empty")
+        raise Refusal.of(409, "refused", "queue_empty")
     return answered(request, response, await service_client.load(panel.store, panel.door, front.program))
 
 

@@ -115,7 +115,7 @@ async def judge(request: Request, number: Number) -> models.RunFacts:
     try:
         await asyncio.to_thread(panel.verdicts.ask, found)
     except NothingToJudge:
-        raise Refusal.told(409, "refused", "run_has_no_verdict", id=number) from None
+        raise Refusal.of(409, "refused", "run_has_no_verdict", id=number) from None
     files = await asyncio.to_thread(files_of, panel.run_records, _record(found))
     return models.RunFacts(**asdict(found), files=files)
 
@@ -164,14 +164,14 @@ async def record_of(panel: Panel, number: int) -> str:
     """Name of the folder of a run's record, which is there. Raises Refusal."""
     name = _record(await _run(panel, number))
     if name not in {one.name for one in await asyncio.to_thread(inside, panel.run_records)}:
-        raise Refusal.told(404, "missing", "record_gone", number=number)
+        raise Refusal.of(404, "missing", "record_gone", number=number)
     return name
 
 
 async def _run(panel: Panel, number: int) -> Run:
     found = await asyncio.to_thread(panel.store.runs.get, number)
     if found is None:
-        raise Refusal.told(404, "missing", "missing", what=Key("what.run"), name=number)
+        raise Refusal.of(404, "missing", "missing", what=Key("what.run"), name=number)
     return found
 
 
@@ -227,7 +227,7 @@ def files_of(folder: FilePath, name: str) -> list[str]:
 async def _sent(folder: FilePath, name: str, file: str) -> Opened:
     found = await asyncio.to_thread(_opened, folder, name, file)
     if found is None:
-        raise Refusal.told(404, "missing", "missing", what=Key("what.file"), name=f"{name}/{file}")
+        raise Refusal.of(404, "missing", "missing", what=Key("what.file"), name=f"{name}/{file}")
     return Opened(found, file)
 
 

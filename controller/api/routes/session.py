@@ -32,7 +32,7 @@ async def log_in(request: Request, response: Response, body: models.LogIn) -> mo
     panel, where = panel_of(request), address(request)
     check_origin(request)
     if not panel.users.any:
-        raise Refusal.told(409, "log_in", "no_users")
+        raise Refusal.of(409, "log_in", "no_users")
     try:
         cookie, who = await panel.users.log_in(body.name, body.password, where)
     except Refusal as refusal:

@@ -63,7 +63,7 @@ class Touched(models.Sent):
         names = set("XYZABC")
         if found := self.model_dump(include=names, exclude_none=True):
             return found
-        raise Refusal.told(422, "form", "no_reading")
+        raise Refusal.of(422, "form", "no_reading")
 
 
 class TouchOff(Touched):
@@ -185,7 +185,7 @@ async def tool_picture(request: Request, number: ToolNumber) -> Response:
     """A tool's profile, to scale: what cuts, the neck above it, its holder."""
     rows = rows_by(await panel_of(request).door.ask("facts"), "tools", "number")
     if (row := rows.get(str(number))) is None:
-        raise Refusal.told(404, "missing", "not_in_table", number=number)
+        raise Refusal.of(404, "missing", "not_in_table", number=number)
     return Response(tool_files.picture(row), media_type="image/svg+xml")
 
 

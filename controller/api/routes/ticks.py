@@ -55,7 +55,7 @@ async def shown(
     most: Most = 1000,
 ) -> models.TickWindow:
     """Signals over some ticks, to be drawn."""
-    found, wanted = await found_in(request, source), _wanted(names)
+    found, wanted = await found_in(request, source), _signal_names(names)
     return await asyncio.to_thread(_window, found, wanted, first, last, most)
 
 
@@ -86,7 +86,7 @@ async def as_csv(
     request: Request, names: Names, source: Source = "now", first: Tick = None, last: Tick = None
 ) -> StreamingResponse:
     """Every tick as a line, all digits."""
-    found, wanted = await found_in(request, source), _wanted(names)
+    found, wanted = await found_in(request, source), _signal_names(names)
     for name in wanted:
         _values(found, name, slice(0, 0))
     lines = signals.csv(found, wanted, found.between(first, last))
@@ -103,7 +103,7 @@ async def as_npz(
     request: Request, names: Names, source: Source = "now", first: Tick = None, last: Tick = None
 ) -> Response:
     """Every tick as a file of NumPy: ``tick``, ``period_s``, ``units``, and an array per signal."""
-    found, wanted = await found_in(request, source), _wanted(names)
+    found, wanted = await found_in(request, source), _signal_names(names)
     for name in wanted:
         _values(found, name, slice(0, 0))
     data = await asyncio.to_thread(signals.npz, found, wanted, found.between(first, last))
@@ -121,7 +121,7 @@ async def found_in(request: Request, source: str) -> Signals:
     if kind == "recording":
         names = {one.name for one in await asyncio.to_thread(records.inside, panel.recordings)}
         if which not in names:  # compared, never made into a path
-            raise Refusal.told(404, "missing", "missing", what=Key("what.recording"), name=which)
+            raise Refusal.of(404, "missing", "missing", what=Key("what.recording"), name=which)
         return await asyncio.to_thread(ticks.of_recording, panel.recordings / which)
     machine = await asyncio.to_thread(ticks.machine_of, panel.store.folder)
     if kind == "now":
@@ -130,10 +130,10 @@ async def found_in(request: Request, source: str) -> Signals:
     return await asyncio.to_thread(ticks.of_run, folder, machine)
 
 
-def _wanted(names: str) -> list[str]:
+def _signal_names(names: str) -> list[str]:
     wanted = list(dict.fromkeys(names.split(",")))
     if len(wanted) > MAX_SIGNALS:
-        raise Refusal.told(409, "bad", "many_signals", found=len(wanted), most=MAX_SIGNALS)
+        raise Refusal.of(409, "bad", "many_signals", found=len(wanted), most=MAX_SIGNALS)
     return wanted
 
 
@@ -142,7 +142,7 @@ def _values(found: Signals, name: str, where: slice) -> signals.Array:
         return found.values(name, where)
     except KeyError:
         known = ", ".join(signals.names(found.machine))
-        raise Refusal.told(404, "missing", "no_signal", name=repr(name[:40]), allowed=known) from None
+        raise Refusal.of(404, "missing", "no_signal", name=repr(name[:40]), allowed=known) from None
 
 
 def _window(

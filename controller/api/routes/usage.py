@@ -87,33 +87,33 @@ OF_TOOL = {**MOVES, **documented(404)}
 @router.get("/usage", dependencies=[needs(Role.VIEW)], responses=LOOKS)
 async def usage(request: Request) -> UsageFacts:
     """How much each tool has cut, how far each axis has gone, and what maintenance is due."""
-    return await _asked(request, "usage")
+    return await _usage_facts(request, "usage")
 
 
 @router.put("/usage/tools/{number}", dependencies=OPERATE, responses=OF_TOOL)
 async def tool_life(request: Request, number: ToolNumber, body: ToolLife) -> UsageFacts:
     """Limits of a tool; one that is worn starts no program unless that is confirmed."""
-    return await _asked(request, "tool_life", tool=number, **body.model_dump())
+    return await _usage_facts(request, "tool_life", tool=number, **body.model_dump())
 
 
 @router.post("/usage/tools/{number}/renewed", dependencies=OPERATE, responses=OF_TOOL)
 async def tool_renewed(request: Request, number: ToolNumber) -> UsageFacts:
     """It has a new edge: counted from nothing."""
-    return await _asked(request, "tool_renewed", tool=number)
+    return await _usage_facts(request, "tool_renewed", tool=number)
 
 
 @router.put("/usage/maintenance", dependencies=[needs(Role.SET_UP)], responses=MOVES)
 async def maintenance(request: Request, body: Maintenance) -> UsageFacts:
     """Make a job of maintenance, give it another interval, or take it out."""
-    return await _asked(request, "maintenance", **body.model_dump())
+    return await _usage_facts(request, "maintenance", **body.model_dump())
 
 
 @router.post("/usage/maintenance/done", dependencies=OPERATE, responses=MOVES)
 async def maintained(request: Request, body: Maintained) -> UsageFacts:
     """It was done just now."""
     who = await principal(request)
-    return await _asked(request, "maintained", name=body.name, by=who.name)
+    return await _usage_facts(request, "maintained", name=body.name, by=who.name)
 
 
-async def _asked(request: Request, verb: str, **args: Any) -> UsageFacts:
+async def _usage_facts(request: Request, verb: str, **args: Any) -> UsageFacts:
     return UsageFacts(**await panel_of(request).door.ask(verb, **args))

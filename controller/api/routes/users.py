@@ -38,11 +38,11 @@ async def add_user(request: Request, body: models.NewUser) -> models.UserFacts:
     panel = panel_of(request)
     rows = await asyncio.to_thread(panel.store.users.all)
     if any(row.name == body.name for row in rows):
-        raise Refusal.told(409, "exists", "exists", what=Key("what.user"), name=body.name)
+        raise Refusal.of(409, "exists", "exists", what=Key("what.user"), name=body.name)
     if not rows:
         # From the first user on everybody has to log in: whoever made it would own the machine, and
         # without users any program on this computer could be who.
-        raise Refusal.told(409, "role", "first_user")
+        raise Refusal.of(409, "role", "first_user")
     await _set(panel, body.name, await panel.users.hash(body.password), body.role)
     return models.UserFacts(name=body.name, role=body.role)
 
@@ -53,7 +53,7 @@ async def change_user(request: Request, name: Name, body: models.UserChange) -> 
     panel = panel_of(request)
     row = await asyncio.to_thread(panel.store.users.get, name)
     if row is None:
-        raise Refusal.told(404, "missing", "missing", what=Key("what.user"), name=name)
+        raise Refusal.of(404, "missing", "missing", what=Key("what.user"), name=name)
     role = body.role or Role.named(row.role).label
     await _not_the_last(panel, name, role == "set_up")
     password = row.password if body.password is None else await panel.users.hash(body.password)
@@ -75,7 +75,7 @@ async def _not_the_last(panel: Panel, name: str, still: bool) -> None:
     rows = await asyncio.to_thread(panel.store.users.all)
     setting_up = {row.name for row in rows if row.role == "set_up"}
     if not still and setting_up == {name}:
-        raise Refusal.told(409, "role", "last_set_up", name=name)
+        raise Refusal.of(409, "role", "last_set_up", name=name)
 
 
 async def _set(panel: Panel, name: str, password: str, role: str) -> None:

@@ -287,7 +287,9 @@ class TwoRotaries(Kinematics):
                     q2 = t1 if math.isnan(t1) else kept
             elif lost.any():
                 out = _value(t1) != _value(t1)  # nan
-                q2 = _kept(_kept(q2, lost & ~out, kept), lost & out, math.nan)
+                q2 = _held_where_undetermined(
+                    _held_where_undetermined(q2, lost & ~out, kept), lost & out, math.nan
+                )
             pairs.append((q2, q1) if self._work_first else (q1, q2))
         return pairs
 
@@ -351,7 +353,7 @@ def _roots(square: Number) -> Number:
     return np.sqrt(np.where(square > -SPILL, np.maximum(square, 0.0), np.nan))
 
 
-def _kept(angle: Number, lost: Number, kept: Number) -> Number:
+def _held_where_undetermined(angle: Number, lost: Number, kept: Number) -> Number:
     """``kept``, standing still, where the angle is undetermined."""
     import numpy as np
 

@@ -25,7 +25,7 @@ import numpy.typing as npt
 
 from controller.ipc.handoff import Law
 from controller.plan.feed import tool_limits
-from controller.plan.feed.course import Course
+from controller.plan.feed.course import FeedCourse
 from controller.plan.feed.law import along
 from controller.plan.surfaces.rates import Derivatives
 from controller.state.modes import Binding, axis_binding
@@ -83,7 +83,7 @@ def middles(span: Span, count: int) -> Array:
 
 
 def moments(
-    course: Course, row: Sequence[Span], per_window: int = PER_WINDOW, counts: Sequence[int] | None = None
+    course: FeedCourse, row: Sequence[Span], per_window: int = PER_WINDOW, counts: Sequence[int] | None = None
 ) -> Motion:
     """``per_window`` moments in each window of each span; ``counts`` windows instead of their own number."""
     counts, parts = [windows(span) for span in row] if counts is None else counts, []
@@ -100,7 +100,7 @@ def used(motion: Motion, d: Derivatives) -> Array:
     return np.abs(np.stack([d.velocity(v), d.acceleration(v, a), d.jerk(v, a, j)], axis=2))
 
 
-def codes(course: Course, motion: Motion, use: Array) -> Codes:
+def codes(course: FeedCourse, motion: Motion, use: Array) -> Codes:
     """What binds at each moment, (N,); ``use`` is what ``used`` gives."""
     s = motion.s
     may = np.stack([course.limit(s, which) for which in ("velocity", "acceleration", "jerk")], axis=2)
@@ -114,7 +114,7 @@ def codes(course: Course, motion: Motion, use: Array) -> Codes:
     return found
 
 
-def _by_tool(course: Course, motion: Motion, found: Codes) -> Codes:
+def _by_tool(course: FeedCourse, motion: Motion, found: Codes) -> Codes:
     """The codes with the limits on the tip's acceleration and the axis' turning, where there are such."""
     machine, index = course.machine, course.index(motion.s)
     rates = tool_limits.rates_in(course, motion.s, index)
@@ -134,7 +134,7 @@ def _by_tool(course: Course, motion: Motion, found: Codes) -> Codes:
     return found
 
 
-def _corners(course: Course, motion: Motion) -> npt.NDArray[np.intp]:
+def _corners(course: FeedCourse, motion: Motion) -> npt.NDArray[np.intp]:
     """The moments before and behind each junction that is passed as fast as it allows, or among many such."""
     if course.ticked is not None:
         return np.flatnonzero(motion.v >= IN_ROWS * course.ticked.allowed_at(motion.s))
@@ -158,7 +158,7 @@ def shown(motion: Motion, found: Codes) -> Codes:
     return np.asarray(counts.argmax(axis=1))
 
 
-def marks(course: Course, laws: Laws) -> list[Marks]:
+def marks(course: FeedCourse, laws: Laws) -> list[Marks]:
     """For each (stretch, law) of a planned course what binds when, for ``Piece.binds``.
 
     Times rise from 0.0 within the piece, neighbours differ, and each lasts a window at

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from controller.geometry.arrays import within
 from controller.plan.feed import tool_limits
 from controller.plan.feed.barrier import PRICE, SOFT, Form, Limits
-from controller.plan.feed.course import Course, Index
+from controller.plan.feed.course import FeedCourse, Index
 from controller.plan.feed.mesh import Parts
 from controller.plan.feed.tool_limits import ToolRates
 from controller.plan.junctions import JUMP_SHARE, MARGIN, SPREAD
@@ -72,7 +72,7 @@ class Grid:
         return replace(self, parts=parts)
 
     @property
-    def course(self) -> Course:
+    def course(self) -> FeedCourse:
         return self.parts.course
 
     @property

@@ -34,7 +34,7 @@ Index = npt.NDArray[np.intp]
 REMEMBERED = 256  # stretches: more than a window has
 THREAD_SHARE = 0.6  # of the axes' limits, along a thread; what is left follows the spindle
 THREAD_RAMP_S = 0.06  # in which the spindle's acceleration may change by all of it
-FEW = 2  # stretches, of which each is looked at alone
+MAX_SINGLE = 2  # stretches, of which each is looked at alone
 APART = 1e-3  # unit of s: of marks closer than that only the boundaries of stretches count
 
 
@@ -54,7 +54,7 @@ class Jump:
     curve: Array
 
 
-class Course:
+class FeedCourse:
     """A row of stretches between two rests; the overrides scale feeds and rapids (1.0 = 100 %).
 
     ``adaptive`` and ``everywhere``: as of ``Stretch.scale``. ``begins``: s at which each stretch is come to,
@@ -217,7 +217,7 @@ class Course:
     def at_ends(self, k: int) -> Derivatives:
         """At the beginning and the end of stretch ``k``; of lines, of which there are many, all at once."""
         if k not in self._ends:
-            in_row = isinstance(self.stretches[k].motion, ToolLine) and len(self.stretches) > FEW
+            in_row = isinstance(self.stretches[k].motion, ToolLine) and len(self.stretches) > MAX_SINGLE
             if in_row and self._kind(k) is not None:
                 self._ends |= self._line_ends(k)
             else:
@@ -250,7 +250,7 @@ class Course:
         return self._jumps[k]
 
 
-def _along_thread(limits: JointLimits, move: ThreadMove, course: Course) -> JointLimits:
+def _along_thread(limits: JointLimits, move: ThreadMove, course: FeedCourse) -> JointLimits:
     """What a thread leaves of the joints' limits: the spindle's own, and a share to follow it by."""
     kinematics, axes = course.kinematics, len(course.machine.axes)
     along = np.abs(np.array(kinematics.arrange((*move.direction, 0.0, 0.0)), dtype=float))
@@ -269,7 +269,7 @@ def _at_ends(stretch: Stretch, begin: float, kinematics: Kinematics) -> Derivati
     return derivatives(stretch, np.array([begin, stretch.motion.end]), kinematics)
 
 
-def least_passed(course: Course, k: int) -> float:
+def least_passed(course: FeedCourse, k: int) -> float:
     """What the boundary behind stretch ``k`` is passed at, or it is a stop."""
     return min(
         float(junctions.least(np.abs(course.at_ends(side).first[end]), limit.jerk, course.machine.period_s))
@@ -277,7 +277,7 @@ def least_passed(course: Course, k: int) -> float:
     )
 
 
-def unhindered(course: Course, k: int) -> float:
+def unhindered(course: FeedCourse, k: int) -> float:
     """About the speed that the boundary behind stretch ``k`` would be passed at if nothing jumped there.
 
     The lower feed of both sides, what the limits allow at that place, and what a start from rest

@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from controller.plan.feed import mesh
-from controller.plan.feed.course import Course
+from controller.plan.feed.course import FeedCourse
 from controller.plan.feed.limits import JointLimits
 from controller.plan.feed.tool_limits import has_limits
 
@@ -27,15 +27,17 @@ Phase = tuple[float, float]  # seconds, and jerk along the path
 
 # The joints allow so much more than the feed. Samples of the mesh are so close together that what
 # is allowed between two of them is at most by ``mesh.ROUGH`` less, so it is 1.25 times the feed.
-SURELY = 1.5
-SLIGHT = 0.01  # of a joint's acceleration and jerk may go into the bends of the path: the ramps have the rest
+MARGIN_RATIO = 1.5
+BEND_SHARE = (
+    0.01  # of a joint's acceleration and jerk may go into the bends of the path: the ramps have the rest
+)
 # ... and so much of the jerk into turning a ramp's acceleration: a ramp takes a hundredth longer.
 COUPLED = 0.03
-FEW = 9  # places at which a ramp is looked at, and the whole course before it is sampled
+RAMP_PLACES = 9  # places at which a ramp is looked at, and the whole course before it is sampled
 REACH = 1.1  # times a ramp's first length: it is looked at as far
 
 
-def law(course: Course, s: float, v: float, a: float, last: float) -> Law | None:
+def law(course: FeedCourse, s: float, v: float, a: float, last: float) -> Law | None:
     """From ``s``, at rest or at the feed, to rest at ``last``; None where more than the feed counts."""
     parts = mesh.Parts.of(course, s, last)
     if len(parts.index) != 1 or a != 0.0 or has_limits(course):
@@ -44,35 +46,35 @@ def law(course: Course, s: float, v: float, a: float, last: float) -> Law | None
     if not math.isfinite(feed) or v not in (0.0, feed):
         return None
     k = int(parts.index[0])
-    if _slight(course, k, np.linspace(s, last, FEW), feed) is None:
+    if _slight(course, k, np.linspace(s, last, RAMP_PLACES), feed) is None:
         return None
     found = mesh.survey(parts)
     taken = _slight(course, k, found.s, feed)
-    if taken is None or (found.feed != feed).any() or (found.allowed < SURELY * feed).any():
+    if taken is None or (found.feed != feed).any() or (found.allowed < MARGIN_RATIO * feed).any():
         return None
     up = _ramp(course, k, s, 1.0, feed, taken) if v == 0.0 else []
     down = _ramp(course, k, last, -1.0, feed, taken)
     return _joined(s, last, feed, up, down) if up is not None and down is not None else None
 
 
-def _slight(course: Course, k: int, s: Array, feed: float) -> tuple[float, float] | None:
+def _slight(course: FeedCourse, k: int, s: Array, feed: float) -> tuple[float, float] | None:
     """Shares of acceleration and jerk that the bends take at the feed; None where they are not slight."""
     d, limits = course.derivatives(s, np.full(len(s), k)), course.limits[k]
     bend = float((np.abs(d.second) / limits.acceleration).max()) * feed**2
     twist = float((np.abs(d.third) / limits.jerk).max()) * feed**3
-    return (bend, twist) if max(bend, twist) <= SLIGHT else None
+    return (bend, twist) if max(bend, twist) <= BEND_SHARE else None
 
 
 def _ramp(
-    course: Course, k: int, at: float, sign: float, feed: float, taken: tuple[float, float]
+    course: FeedCourse, k: int, at: float, sign: float, feed: float, taken: tuple[float, float]
 ) -> list[Phase] | None:
     """Phases of the quickest way from rest at ``at`` to the feed, forwards or (``sign`` -1) backwards."""
     limits, reach = course.limits[k], 0.0
     low, high = course.starts[k], course.starts[k + 1]
     found: list[Phase] = []
     for _ in range(2):
-        places = np.clip(at + sign * reach * np.linspace(0.0, 1.0, FEW), low, high)
-        d = course.derivatives(places, np.full(FEW, k))
+        places = np.clip(at + sign * reach * np.linspace(0.0, 1.0, RAMP_PLACES), low, high)
+        d = course.derivatives(places, np.full(RAMP_PLACES, k))
         found, coupled = _phases(limits, np.abs(d.first), np.abs(d.second), feed, taken)
         if coupled > COUPLED:
             return None

@@ -22,7 +22,7 @@ from controller.geometry.curves import Arc, Even
 from controller.geometry.vectors import ROUNDING
 from controller.motion.motions import JointMove, SurfaceCut, ToolLine
 from controller.plan.feed import tool_limits
-from controller.plan.feed.course import Course, Index
+from controller.plan.feed.course import FeedCourse, Index
 from controller.plan.feed.limits import JointLimits, ramp_length
 from controller.plan.rotaries.branch import beside_pole
 from controller.plan.stretch import Stretch
@@ -48,7 +48,7 @@ FROM_REST = 4  # intervals of time in one: a law from rest begins with constant 
 BRAKING_SAMPLES = 16  # of each phase of slowing down to a lower feed
 BRAKING_S = 0.2  # what the first so many seconds of it allow is taken for the whole
 NO_TIME_S = 1e-9
-EASY = 0.7  # share of acceleration that the estimate counts on
+EASY_SHARE = 0.7  # share of acceleration that the estimate counts on
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,12 +67,12 @@ class Samples:
 class Parts:
     """A course between ``ends`` (n + 1,), cut at its marks; part i lies in stretch ``index[i]``."""
 
-    course: Course
+    course: FeedCourse
     ends: Array
     index: Index
 
     @staticmethod
-    def of(course: Course, first: float, last: float) -> Parts:
+    def of(course: FeedCourse, first: float, last: float) -> Parts:
         # A mark that is off an end by rounding alone would make a part in which there is no way.
         marks = course.marks[(course.marks > first + ROUNDING) & (course.marks < last - ROUNDING)]
         ends = np.concatenate([[first], marks, [last]])
@@ -219,7 +219,7 @@ def braking(found: Samples, v: float, a: float) -> tuple[Array, Array]:
     -b    \_____/
     """
     near = found.s <= found.s[0] + v * BRAKING_S
-    j, most = EASY * float(found.jerk[near].min()), EASY * float(found.acceleration[near].min())
+    j, most = EASY_SHARE * float(found.jerk[near].min()), EASY_SHARE * float(found.acceleration[near].min())
     target = min(float(found.feed[0]), v)
     drop = max(v + max(a, 0.0) ** 2 / (2.0 * j) - target, 0.0)
     b = min(most, math.sqrt(j * drop))
@@ -253,7 +253,7 @@ def _grown(found: Samples, most: Array) -> Array:
     """The speed gained along the samples, never above ``most``; a start from rest goes with t^3."""
     speeds = [v := float(most[0])]
     step = np.diff(found.s)
-    acceleration, jerk = EASY * found.acceleration[:-1], EASY * found.jerk[:-1]
+    acceleration, jerk = EASY_SHARE * found.acceleration[:-1], EASY_SHARE * found.jerk[:-1]
     starts = map(math.cbrt, (4.5 * jerk * step * step).tolist())
     rows = (x.tolist() for x in (step, most[1:], acceleration, 2.0 * jerk))
     for start, length, limit, most_a, per_v in zip(starts, *rows, strict=True):

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from controller.motion.motions import ToolSpline
 from controller.plan import junctions
-from controller.plan.feed.course import Course, Index
+from controller.plan.feed.course import FeedCourse, Index
 from controller.plan.feed.limits import JointLimits
 from controller.plan.feed.profile import Profile
 from controller.plan.rotaries import tool_paths
@@ -18,7 +18,7 @@ from controller.plan.surfaces.rates import Derivatives
 Array = npt.NDArray[np.float64]
 
 PLACES = 17  # at which a stretch is looked at ...
-NEAR = 8  # lines before and behind a place of an exact row, whose corners count there
+NEAR_LINES = 8  # lines before and behind a place of an exact row, whose corners count there
 SHORT_PLACES = 4  # ... and each of a row of short ones
 BRAKINGS, LONGEST_S = 3.0, 24.0  # of a window: no less than so many times what braking takes, up to this
 TAIL_S = 1.5  # at a window's end, where it would brake: replaced by the next window ...
@@ -32,7 +32,7 @@ def window_s(usual_s: float, braking_s: float) -> float:
     return max(usual_s, min(BRAKINGS * braking_s, LONGEST_S))
 
 
-def takes_s(course: Course, from_s: float) -> tuple[float, float]:
+def takes_s(course: FeedCourse, from_s: float) -> tuple[float, float]:
     """Seconds from ``from_s`` to the end at the feed, or at what the velocity limits leave of it.
 
     And the longest that braking takes from what the other limits leave of that. One stretch.
@@ -43,7 +43,7 @@ def takes_s(course: Course, from_s: float) -> tuple[float, float]:
     return float(np.sum((course.length - from_s) / len(places) / speed)), float(braking_s.max())
 
 
-def row_takes_s(course: Course, from_s: float) -> tuple[float, float]:
+def row_takes_s(course: FeedCourse, from_s: float) -> tuple[float, float]:
     """The same of an exact row: about as fast as the worst of the corners near a place lets it run."""
     motion, limits = course.stretches[0].motion, course.limits[0]
     assert isinstance(motion, ToolSpline)
@@ -57,8 +57,8 @@ def row_takes_s(course: Course, from_s: float) -> tuple[float, float]:
     )
     jump, curve = (np.abs(q[1:] - p[:-1]) for p, q in ((end.first, begin.first), (end.second, begin.second)))
     passed = junctions.passed(jump, curve, limits.acceleration, limits.jerk, course.machine.period_s)
-    near = np.pad(passed, NEAR + 1, constant_values=np.inf)
-    slowest = np.lib.stride_tricks.sliding_window_view(near, 2 * NEAR + 2).min(axis=1)[: len(size)]
+    near = np.pad(passed, NEAR_LINES + 1, constant_values=np.inf)
+    slowest = np.lib.stride_tricks.sliding_window_view(near, 2 * NEAR_LINES + 2).min(axis=1)[: len(size)]
     with np.errstate(divide="ignore"):
         most = (limits.velocity / np.abs(begin.first)).min(axis=1)
     speed = np.minimum(np.minimum(course.feed(knots[:-1] + 0.5 * size), most), slowest)
@@ -67,7 +67,7 @@ def row_takes_s(course: Course, from_s: float) -> tuple[float, float]:
     return float((left / speed).sum()), float(braking_s)
 
 
-def each_takes_s(course: Course) -> list[tuple[float, float]]:
+def each_takes_s(course: FeedCourse) -> list[tuple[float, float]]:
     """The same of each stretch of a row of short ones, which runs no faster than its corners let it.
 
     So short lines are often run far below the feed: there is no way to gain speed between two corners.
@@ -83,7 +83,7 @@ def each_takes_s(course: Course) -> list[tuple[float, float]]:
     return list(zip(seconds.tolist(), braking_s.max(axis=1).tolist(), strict=True))
 
 
-def _taken(course: Course, places: Array, index: Index) -> tuple[Array, Array]:
+def _taken(course: FeedCourse, places: Array, index: Index) -> tuple[Array, Array]:
     """Speed, and seconds in which it is braked, at places of the stretches ``index``."""
     d = course.derivatives(places, index)
     limits = JointLimits(
@@ -97,7 +97,7 @@ def _taken(course: Course, places: Array, index: Index) -> tuple[Array, Array]:
     return speed, limits.braking_s(reached).max(axis=1)
 
 
-def _passed(course: Course) -> Array:
+def _passed(course: FeedCourse) -> Array:
     """About the speed at each boundary of a row from rest, (n + 1,), as corners and jerk let it grow."""
     found = [0.0]
     for k, length in enumerate(np.diff(course.starts).tolist()):
@@ -110,7 +110,7 @@ def _passed(course: Course) -> Array:
     return np.array(found)
 
 
-def seam_s(course: Course, found: Profile) -> float:
+def seam_s(course: FeedCourse, found: Profile) -> float:
     """Time of a profile at which the next window is to replace it: before it brakes to its rest."""
     first = (1.0 - TAIL_SHARE) * found.duration_s
     last = max(found.duration_s - TAIL_S, first)

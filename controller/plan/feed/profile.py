@@ -24,7 +24,7 @@ from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine
 from controller.motion.motions import JointMove
 from controller.plan.feed import cruise, row_law, search, ticked
-from controller.plan.feed.course import Course, least_passed, unhindered
+from controller.plan.feed.course import FeedCourse, least_passed, unhindered
 from controller.plan.feed.law import split, straight
 from controller.plan.feed.tool_limits import has_limits
 from controller.plan.junctions import STOP_SHARE
@@ -38,7 +38,9 @@ NOTHING = 1e-9  # of s: no way to go
 SAME = 1e-8  # of s: two places that are one
 SAME_SPEED = 1e-6  # unit of s per second
 PLACES = 9  # at which a way that bends is looked at ...
-SLIGHT = 0.01  # ... and the share of acceleration and jerk that its bends may take, to be taken for straight
+BEND_SHARE = (
+    0.01  # ... and the share of acceleration and jerk that its bends may take, to be taken for straight
+)
 
 
 class State(NamedTuple):
@@ -100,7 +102,7 @@ class Profile:
         s = c[0] + x * (c[1] + x * (c[2] + x * c[3]))
         return s, c[1] + x * (2.0 * c[2] + x * 3.0 * c[3]), 2.0 * c[2] + x * 6.0 * c[3], 6.0 * c[3]
 
-    def laws(self, course: Course) -> list[tuple[int, Law]]:
+    def laws(self, course: FeedCourse) -> list[tuple[int, Law]]:
         """(index of the stretch, its law in its own s) for each stretch that the profile passes, in order."""
         first = int(course.index(self.pieces[:1, 0])[0])
         return list(enumerate(split(self.times, self.pieces, course.starts, course.zeros), first))
@@ -132,7 +134,7 @@ class Profile:
 
 
 def plan(
-    course: Course, begin: State = REST, until: float | None = None, guess: Profile | None = None
+    course: FeedCourse, begin: State = REST, until: float | None = None, guess: Profile | None = None
 ) -> Profile | None:
     """The fastest motion from ``begin`` to rest at ``until`` (the course's end).
 
@@ -154,7 +156,7 @@ def plan(
     return _after(course, guess, last) if found is None and guess is not None else found
 
 
-def _of_row(course: Course, begin: State, last: float) -> Profile | None:
+def _of_row(course: FeedCourse, begin: State, last: float) -> Profile | None:
     law = row_law.law(course, *begin, last)
     found = Profile(*law) if law is not None else None
     return found if found is not None and found.joins else None
@@ -165,14 +167,14 @@ def _is_there(state: State, last: float) -> bool:
     return last - state.s <= NOTHING * max(1.0, last)
 
 
-def _searched(course: Course, begin: State, last: float) -> Profile | None:
+def _searched(course: FeedCourse, begin: State, last: float) -> Profile | None:
     """What the search finds; None where it finds nothing, or what does not join."""
     law = search.Search(course, *begin, last).law()
     found = Profile(*law) if law is not None else None
     return found if found is not None and found.joins else None
 
 
-def _after(course: Course, before: Profile, last: float) -> Profile | None:
+def _after(course: FeedCourse, before: Profile, last: float) -> Profile | None:
     """Goes on with ``before`` for a while, where it touches limits so that there is no other way."""
     for wait_s in WAITS_S:
         if wait_s >= before.duration_s or _is_there(before.at(wait_s), last):
@@ -183,7 +185,7 @@ def _after(course: Course, before: Profile, last: float) -> Profile | None:
     return before if abs(before.end_s - last) <= NOTHING * max(1.0, last) else None
 
 
-def _straight(course: Course, first: float, last: float) -> Profile | None:
+def _straight(course: FeedCourse, first: float, last: float) -> Profile | None:
     """The closed form, where q' is constant over the whole way or changes by next to nothing on it.
 
     So it is on a line, and on a pivot about a joint of some hundredths of a degree.
@@ -204,7 +206,7 @@ def _straight(course: Course, first: float, last: float) -> Profile | None:
         length = last - first
         bends = float((bend / limits.acceleration).max()) * acceleration * length
         twists = float(((bend + 0.25 * length * twist) / limits.jerk).max()) * jerk * length
-        if max(bends, twists) > SLIGHT:
+        if max(bends, twists) > BEND_SHARE:
             return None
         acceleration, jerk = (1.0 - bends) * acceleration, (1.0 - twists) * jerk
     law = straight(last - first, velocity, acceleration, jerk)
@@ -223,9 +225,9 @@ def split_at_stops(
 ) -> list[Run]:
     """Cut at junctions so sharp that passing them is no faster than stopping, and where exact rows end.
 
-    ``begins``: as of ``Course``.
+    ``begins``: as of ``FeedCourse``.
     """
-    course = Course(stretches, machine, kinematics, override, rapid_override, begins=begins)
+    course = FeedCourse(stretches, machine, kinematics, override, rapid_override, begins=begins)
     found: list[list[Stretch]] = [[stretches[0]]]
     for k, after in enumerate(stretches[1:]):
         if stretches[k].is_exact_row is not after.is_exact_row or course.junction(k) < max(

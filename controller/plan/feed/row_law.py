@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from controller.plan.feed import barrier, mesh
 from controller.plan.feed.bounds import Bounds
-from controller.plan.feed.course import Course, Index
+from controller.plan.feed.course import FeedCourse, Index
 from controller.plan.feed.limits import JointLimits
 from controller.plan.feed.search import COARSE, COARSE_GAP, MIN_KNOTS, SMOOTHING, Law, Search
 from controller.plan.feed.ticked import Ticked, of
@@ -38,7 +38,7 @@ CLOSE_S, RAMP_S = 3e-3, 0.1  # ... and so soon before and behind a rest
 SLOWER, SOFTER = 0.7, 4.0
 
 
-class Straight(Course):
+class Straight(FeedCourse):
     """A row as one axis along s, with the limits of cells between ``edges`` (n + 1,): (n, 1) each."""
 
     def __init__(self, ticked: Ticked, limits: JointLimits) -> None:
@@ -141,7 +141,7 @@ def samples(ticked: Ticked, limits: JointLimits) -> mesh.Samples:
     return mesh.Samples(ticked.edges, np.zeros(len(feed), dtype=np.intp), feed, *allowed)
 
 
-def law(course: Course, s: float, v: float, a: float, last: float) -> Law | None:
+def law(course: FeedCourse, s: float, v: float, a: float, last: float) -> Law | None:
     """From ``s`` with ``v`` and ``a`` to rest at ``last``; None where the state cannot be continued."""
     ticked = of(course, s, last, v)
     search, allowed = RowSearch(ticked, v, a), ticked.allowed.copy()

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from controller.geometry.arrays import distinct
 from controller.plan.feed import barrier, mesh
 from controller.plan.feed.bounds import INNER, Bounds, Grid, Shares
-from controller.plan.feed.course import Course, Index
+from controller.plan.feed.course import FeedCourse, Index
 from controller.plan.feed.law import straight, through
 from controller.plan.junctions import MARGIN
 from controller.plan.surfaces.rates import Derivatives
@@ -68,7 +68,7 @@ class Excess:
 class Search:
     """The search for the fastest law from a state to rest."""
 
-    def __init__(self, course: Course, s: float, v: float, a: float, last: float) -> None:
+    def __init__(self, course: FeedCourse, s: float, v: float, a: float, last: float) -> None:
         self.course, self.v, self.a = course, v, a
         self.parts = mesh.Parts.of(course, s, last)
         self.samples = mesh.survey(self.parts, v, a)

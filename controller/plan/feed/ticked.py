@@ -23,7 +23,7 @@ import numpy.typing as npt
 from controller.geometry.arrays import columns
 from controller.geometry.vectors import ROUNDING
 from controller.motion.motions import ROW, ToolSpline
-from controller.plan.feed.course import Course
+from controller.plan.feed.course import FeedCourse
 from controller.plan.feed.limits import JointLimits
 from controller.plan.junctions import MARGIN
 
@@ -32,24 +32,24 @@ Index = npt.NDArray[np.intp]
 
 # Shares of velocity, acceleration and jerk that the corners may take at an even speed; the law has the rest.
 SHARES = (1.0, 0.9, 0.92)
-LEAST_ROOM = 0.08  # of acceleration and jerk: the law may have as much anywhere
+MIN_ROOM = 0.08  # of acceleration and jerk: the law may have as much anywhere
 PER_LINE = 10  # places of the grid on a line of median length ...
 PER_TICK = 8  # ... and in a tick at the lowest speeds that are found
 FASTER = 1.1  # times the speed at the beginning: that much is looked at
 ROUNDS = 4  # until they are so many
-MOST = 400_000  # places
+MAX_PLACES = 400_000  # places
 GROWTH = 1.17  # of the strides that are looked at
 SLOWER = (1.0, 0.75, 0.5)  # times a speed: what corners take is the most at these
 SMOOTH_TICKS = 4.0  # to both sides, over which joints are smoothed for those who look for no corner
 PER_CELL = 8  # places that are told as one
 
 
-def is_row(course: Course) -> bool:
+def is_row(course: FeedCourse) -> bool:
     """Whether a course is made of exact rows alone."""
     return all(one.is_exact_row for one in course.stretches)
 
 
-def of(course: Course, first: float, last: float, v: float = 0.0) -> Ticked:
+def of(course: FeedCourse, first: float, last: float, v: float = 0.0) -> Ticked:
     """What is known of a course, or of all from ``first`` to ``last`` if nothing is."""
     known = course.ticked
     if isinstance(known, Ticked) and known.first <= first + ROUNDING and known.last >= last - ROUNDING:
@@ -61,7 +61,7 @@ def of(course: Course, first: float, last: float, v: float = 0.0) -> Ticked:
 class Ticked:
     """The places from ``first`` to ``last`` of a course of exact rows, in cells (n,) of some places each."""
 
-    def __init__(self, course: Course, first: float, last: float, v: float = 0.0) -> None:
+    def __init__(self, course: FeedCourse, first: float, last: float, v: float = 0.0) -> None:
         """``v``: at which it may come to the first of them, above the feed perhaps."""
         self.course, self.first, self.last, self._v = course, first, last, v
         self.limits = JointLimits.of(course.machine, MARGIN)
@@ -73,7 +73,7 @@ class Ticked:
         self._knots = np.append(knots, course.length)
         self._cubics = np.concatenate([np.frombuffer(one.spans).reshape(-1, ROW) for one in motions])
         self._cubics = self._cubics.reshape(-1, 5, 4)
-        step, least = float(np.median(np.diff(self._knots))) / PER_LINE, (last - first) / MOST
+        step, least = float(np.median(np.diff(self._knots))) / PER_LINE, (last - first) / MAX_PLACES
         for _ in range(ROUNDS):
             self._lay(max(step, least))
             wanted = float(np.percentile(self.allowed, 10)) * self._period_s / PER_TICK
@@ -173,7 +173,7 @@ class Ticked:
         *taken, rates = self._taken(speed)
         found = []
         for use, limit in zip(taken, (self.limits.acceleration, self.limits.jerk), strict=True):
-            room = np.maximum(1.0 - use, LEAST_ROOM) * limit[:, None]
+            room = np.maximum(1.0 - use, MIN_ROOM) * limit[:, None]
             found.append(beside(self._cells((room / rates).min(axis=0))))
         return found[0], found[1]
 
@@ -181,7 +181,7 @@ class Ticked:
         """Shares of acceleration and of jerk that they leave of every joint's limit, per cell."""
         acceleration, jerk, _ = self._taken(speed)
         rooms = (self._cells(1.0 - use.max(axis=0)) for use in (acceleration, jerk))
-        first, second = (np.maximum(room, LEAST_ROOM) for room in rooms)
+        first, second = (np.maximum(room, MIN_ROOM) for room in rooms)
         return first, second
 
     def _taken(self, speed: Array) -> tuple[Array, Array, Array]:

@@ -20,7 +20,7 @@ import numpy.typing as npt
 
 from controller.geometry import series as jets
 from controller.geometry.arrays import distinct
-from controller.plan.feed.course import Course, Index
+from controller.plan.feed.course import FeedCourse, Index
 from controller.plan.rotaries.branch import joints_along
 from controller.plan.surfaces.rates import Derivatives, derivatives
 
@@ -43,12 +43,12 @@ class ToolRates:
         return np.hypot(self.along * a + self.bend_along * v * v, self.bend_across * v * v)
 
 
-def has_limits(course: Course) -> bool:
+def has_limits(course: FeedCourse) -> bool:
     machine = course.machine
     return machine.tip_acceleration_mm_s2 is not None or machine.axis_speed_rad_s is not None
 
 
-def rates(course: Course, s: Array, index: Index) -> ToolRates:
+def rates(course: FeedCourse, s: Array, index: Index) -> ToolRates:
     """What the tool does at the places ``s`` (N,) of the stretches ``index``; nothing on rapids."""
     found = ToolRates(*(np.zeros(len(s)) for _ in range(4)))
     length = max((getattr(x.motion, "length_mm", 0.0) for x in course.stretches), default=0.0)
@@ -64,12 +64,12 @@ def rates(course: Course, s: Array, index: Index) -> ToolRates:
     return found
 
 
-def rates_in(course: Course, s: Array, index: Index) -> ToolRates | None:
+def rates_in(course: FeedCourse, s: Array, index: Index) -> ToolRates | None:
     """The same, or None where the machine has no such limits."""
     return rates(course, s, index) if has_limits(course) else None
 
 
-def _of_joints(q: Array, d: Derivatives, course: Course, length_mm: float) -> ToolRates:
+def _of_joints(q: Array, d: Derivatives, course: FeedCourse, length_mm: float) -> ToolRates:
     series = [
         jets.Jet(np.stack([q[:, i], d.first[:, i], d.second[:, i] / 2.0, d.third[:, i] / 6.0]))
         for i in range(q.shape[1])
@@ -89,7 +89,7 @@ def _orders(vector: tuple[object, object, object], k: int, n: int) -> Array:
     return np.stack([np.broadcast_to(np.asarray(value, dtype=float), (n,)) for value in values], axis=1)
 
 
-def most_speed(course: Course, rates: ToolRates | None, n: int) -> Array:
+def most_speed(course: FeedCourse, rates: ToolRates | None, n: int) -> Array:
     """Speed that both limits allow where the path acceleration is none, (n,)."""
     machine = course.machine
     most = np.full(n, math.inf)

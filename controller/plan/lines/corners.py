@@ -19,7 +19,7 @@ from controller.motion.motions import JointMove
 from controller.plan.lines import lines, moves
 from controller.plan.lines.lines import Stand
 from controller.plan.rotaries.tool_axes import AxisLost, GreatCircles, follow
-from controller.plan.stretch import Voice, joints_of, rotaries_of, xyz_of
+from controller.plan.stretch import Diagnostics, joints_of, rotaries_of, xyz_of
 from controller.program.program import JointArc, JointLine, Modal, Tip, TipLine
 
 Array = npt.NDArray[np.float64]
@@ -46,7 +46,7 @@ class CornerMaker:
     """Makes the corners of lines that share one modal state; ``axis_rad`` is the axis' tolerance."""
 
     def __init__(
-        self, modal: Modal, axis_rad: float, machine: Machine, kinematics: Kinematics, voice: Voice
+        self, modal: Modal, axis_rad: float, machine: Machine, kinematics: Kinematics, voice: Diagnostics
     ) -> None:
         self._modal, self._axis_rad = modal, axis_rad
         self._machine, self._kinematics, self._voice = machine, kinematics, voice

@@ -30,15 +30,18 @@ from controller.plan.rotaries import tool_paths
 from controller.plan.rotaries.tool_axes import AxisLost, GreatCircles, follow
 from controller.plan.rotaries.tool_paths import LITTLE_RAD, WITHIN_REACH
 from controller.plan.rotaries.turns import SAME_ROTARY_RAD
-from controller.plan.stretch import STANDS_MM, Chain, Stretch, Voice, joints_of
+from controller.plan.stretch import STANDS_MM, Chain, Diagnostics, Stretch, joints_of
 from controller.plan.surfaces.rates import Derivatives, limits
 from controller.program.program import Block, ProgramError, Tip, TipLine
 
 Array = npt.NDArray[np.float64]
 Bools = npt.NDArray[np.bool_]
 
-FIRST, MOST = 64, 1024  # lines after which they are looked at: at first, and as many as that each time later
-LEAST = 16  # lines are a row, and so many wait for those behind them
+FIRST, MAX_LINES = (
+    64,
+    1024,
+)  # lines after which they are looked at: at first, and as many as that each time later
+MIN_LINES = 16  # lines are a row, and so many wait for those behind them
 SHORT_MM = 0.12  # of s, median length of the lines of a row
 SPANS = 128  # lines of one motion at most
 SAMPLES = 2  # of each line for the audit of travel
@@ -66,7 +69,7 @@ class _Ways(NamedTuple):
 class ExactLines:
     """Collects lines; ``parts`` tells which of them are rows."""
 
-    def __init__(self, machine: Machine, kinematics: Kinematics, voice: Voice) -> None:
+    def __init__(self, machine: Machine, kinematics: Kinematics, voice: Diagnostics) -> None:
         self._machine, self._kinematics = machine, kinematics
         self._motions = RowMotions(machine, kinematics, voice)
         self._velocity, self._acceleration, self._jerk = (junctions.MARGIN * limits(machine)).T
@@ -110,7 +113,7 @@ class ExactLines:
 
         Not ``final``: the last lines wait for those behind them.
         """
-        blocks, goes_on, look = self._blocks, self._goes_on, min(2 * self._look, MOST)
+        blocks, goes_on, look = self._blocks, self._goes_on, min(2 * self._look, MAX_LINES)
         self.forget()
         waits = False
         while blocks and not waits:
@@ -118,9 +121,9 @@ class ExactLines:
             first, last = _first_run(ways, goes_on)
             waits = not final and first < last == len(blocks)
             if waits:  # it may go on
-                last = max(last - LEAST, first)
+                last = max(last - MIN_LINES, first)
             goes_on = goes_on and first == 0
-            if last - first < LEAST and not goes_on:
+            if last - first < MIN_LINES and not goes_on:
                 last = first if waits else last
                 if alone := blocks[:last]:
                     yield alone
@@ -308,7 +311,7 @@ def _first_run(ways: _Ways, goes_on: bool) -> tuple[int, int]:
     n = len(ways.fit)
     edges = np.flatnonzero(np.diff(ways.fit.astype(np.int8), prepend=0, append=0))
     for first, last in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
-        many = last - first >= LEAST and float(np.median(ways.size[first:last])) <= SHORT_MM
-        if many or (goes_on and first == 0) or (last == n and last - first < LEAST):
+        many = last - first >= MIN_LINES and float(np.median(ways.size[first:last])) <= SHORT_MM
+        if many or (goes_on and first == 0) or (last == n and last - first < MIN_LINES):
             return first, last
     return n, n

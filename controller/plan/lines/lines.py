@@ -17,13 +17,13 @@ import numpy.typing as npt
 from controller.geometry.vectors import ROUNDING, Vector, add, dot, norm, subtract, unit
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine
-from controller.messages import Key, said
+from controller.messages import Key, message
 from controller.motion.motions import DEG_PER_MM, Rotaries, ToolLine
 from controller.plan.junctions import JUMP_SHARE, STOP_SHARE
 from controller.plan.rotaries.tool_axes import AxisLost, Followed, GreatCircles, follow
 from controller.plan.rotaries.tool_paths import LITTLE_RAD
 from controller.plan.rotaries.turns import SAME_ROTARY_RAD
-from controller.plan.stretch import STANDS_MM, Stretch, Voice, joints_of, rotaries_of, straight
+from controller.plan.stretch import STANDS_MM, Diagnostics, Stretch, joints_of, rotaries_of, straight
 from controller.program.block_look_ahead import AHEAD_LINES
 from controller.program.program import Place, TipLine
 
@@ -69,7 +69,7 @@ def rotaries_to(block: TipLine, now: Rotaries) -> Rotaries:
 
 
 def exact(
-    block: TipLine, stand: Stand, machine: Machine, kinematics: Kinematics, voice: Voice
+    block: TipLine, stand: Stand, machine: Machine, kinematics: Kinematics, voice: Diagnostics
 ) -> tuple[list[Stretch], Stand]:
     """The exact stretches of a G1, a swivel at the pole before it if it needs one, and where it ends."""
     part = block.modal.frame(machine)
@@ -96,8 +96,8 @@ def exact(
     return stretches, stand
 
 
-def refuse_lost(lost: AxisLost, place: Place, voice: Voice) -> NoReturn:
-    voice.refuse(place, said("reach.on_line", reason=Key(lost.reason)))
+def refuse_lost(lost: AxisLost, place: Place, voice: Diagnostics) -> NoReturn:
+    voice.refuse(place, message("reach.on_line", reason=Key(lost.reason)))
 
 
 def _to_rotaries(
@@ -217,7 +217,7 @@ def rapid(
     wanted: Rotaries | None,
     machine: Machine,
     kinematics: Kinematics,
-    voice: Voice,
+    voice: Diagnostics,
 ) -> tuple[Stretch | None, Stand]:
     """G0: the joints go straight to where the tip and axis are wanted.
 
@@ -246,14 +246,14 @@ def _chosen(
     wanted: Rotaries | None,
     machine: Machine,
     kinematics: Kinematics,
-    voice: Voice,
+    voice: Diagnostics,
 ) -> Rotaries:
     if wanted is not None:
         return wanted
     tips, axes = _row_ahead(block, tip, axis, following, machine)
     ways = _ways(axes, stand.rotaries, kinematics)
     if not ways:
-        voice.refuse(block.place, said("reach.tilt", reason=Key(kinematics.unreached)))
+        voice.refuse(block.place, message("reach.tilt", reason=Key(kinematics.unreached)))
     ways = [shifted for way in ways for shifted in _in_turns(way, stand.rotaries, machine)]
     ways.sort(key=lambda way: _travel(way, stand.rotaries))
     for way in ways:
@@ -351,7 +351,7 @@ def vectors(blocks: Sequence[TipLine], frame: Array) -> Array:
 
 # ---- running through ---------------------------------------------------------------
 
-SLIGHT = 1e-4  # share of a line over which its rates at an end are measured
+END_SHARE = 1e-4  # share of a line over which its rates at an end are measured
 
 
 def runs_through(before: Stretch, after: Stretch, machine: Machine, kinematics: Kinematics) -> bool:
@@ -377,7 +377,7 @@ def _rates(stretch: Stretch, at_end: bool, kinematics: Kinematics) -> list[float
     """Joints per unit of s at one end of a line."""
     end = stretch.motion.end
     joints = stretch.end if at_end else stretch.start
-    s = end * (1.0 - SLIGHT) if at_end else end * SLIGHT
+    s = end * (1.0 - END_SHARE) if at_end else end * END_SHARE
     inner = stretch.motion.joints(s, rotaries_of(joints, kinematics), kinematics) or joints
     sign = 1.0 if at_end else -1.0
-    return [sign * (q - p) / (end * SLIGHT) for p, q in zip(inner, joints, strict=True)]
+    return [sign * (q - p) / (end * END_SHARE) for p, q in zip(inner, joints, strict=True)]

@@ -10,7 +10,7 @@ from controller.geometry.vectors import Frame, Vector, norm, scale, subtract, un
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine
 from controller.motion.motions import JointMove, ThreadMove
-from controller.plan.stretch import Stretch, Voice, rotaries_of, round_arc, straight
+from controller.plan.stretch import Diagnostics, Stretch, rotaries_of, round_arc, straight
 from controller.program.contour import circles
 from controller.program.position import placed, read_in, shifted
 from controller.program.program import JointArc, JointLine, JointMotion, Thread
@@ -85,7 +85,7 @@ def xyz_of(joints: Joints, linear: tuple[int, int, int]) -> Vector:
 
 
 def arc(
-    block: JointArc, machine: Machine, kinematics: Kinematics, now: Joints, voice: Voice
+    block: JointArc, machine: Machine, kinematics: Kinematics, now: Joints, voice: Diagnostics
 ) -> Stretch | None:
     """The stretch of a G2 or G3: arc or helix, full circles and turns included."""
     end = target(block, machine, kinematics, now)

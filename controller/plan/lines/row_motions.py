@@ -17,7 +17,7 @@ from controller.machine.model import Joints, Machine
 from controller.motion.motions import ToolSpline
 from controller.plan.lines.corners import Feed
 from controller.plan.rotaries import tool_paths
-from controller.plan.stretch import MIN_TIP_RATE, STANDS_MM, Stretch, Voice
+from controller.plan.stretch import MIN_TIP_RATE, STANDS_MM, Diagnostics, Stretch
 from controller.plan.surfaces import audit
 from controller.program.program import JointArc, JointLine, Place
 
@@ -37,7 +37,7 @@ class Begun(NamedTuple):
 class RowMotions:
     """Makes motions of rows on one machine."""
 
-    def __init__(self, machine: Machine, kinematics: Kinematics, voice: Voice) -> None:
+    def __init__(self, machine: Machine, kinematics: Kinematics, voice: Diagnostics) -> None:
         self._machine, self._kinematics, self._voice = machine, kinematics, voice
 
     def stretch(

@@ -31,8 +31,8 @@ from controller.plan.rotaries.turns import SAME_ROTARY_RAD
 from controller.plan.stretch import (
     STANDS_MM,
     Chain,
+    Diagnostics,
     Stretch,
-    Voice,
     joints_of,
     rotaries_of,
     straight,
@@ -48,7 +48,7 @@ SPANS = 128  # of one motion at most
 BLEND_DEG = 0.05  # G64 P without Q: the axis may leave its way by so much (17 um at 20 mm of flute)
 STANDING_DEG = 1.0  # turns of a standing tip that a row runs through
 AUDIT_DEG = 2.0  # turn of an exact line per sample of its audit
-LEAST = 1e-9  # corners nearer than this in s are one
+MIN_GAP = 1e-9  # corners nearer than this in s are one
 
 
 def blends(block: Feed) -> bool:
@@ -73,7 +73,7 @@ class LineRow:
     """Collects the blocks of one row; ``chains`` gives what can be given of it."""
 
     def __init__(
-        self, block: Feed, stand: Stand, machine: Machine, kinematics: Kinematics, voice: Voice
+        self, block: Feed, stand: Stand, machine: Machine, kinematics: Kinematics, voice: Diagnostics
     ) -> None:
         self._machine, self._kinematics, self._voice = machine, kinematics, voice
         self._modal = block.modal
@@ -192,7 +192,7 @@ class LineRow:
             return
         s = self._s + np.concatenate(([0.0], np.cumsum(step[first:last])))
         values, sine = found.values[first : last + 1], found.sine[first : last + 1]
-        keep = np.concatenate(([True], np.diff(s) > LEAST))
+        keep = np.concatenate(([True], np.diff(s) > MIN_GAP))
         if not keep[1:].any():
             return
         self._note_lines(blocks, found, s, first, last)
@@ -283,8 +283,8 @@ class LineRow:
         return Chain(tuple(stretches), runs_on=not spans.rests)
 
     def _stretch(self, knots: Array, c: Array) -> Stretch:
-        first = max(0, bisect_right(self._lines_s, float(knots[0]) + LEAST) - 1)
-        last = bisect_left(self._lines_s, float(knots[-1]) - LEAST)
+        first = max(0, bisect_right(self._lines_s, float(knots[0]) + MIN_GAP) - 1)
+        last = bisect_left(self._lines_s, float(knots[-1]) - MIN_GAP)
         begun = Begun(self._lines[first:last], self._lines_s[first:last], self._feeds[first:last])
         length_mm = self._modal.length_mm if self._tips else 0.0
         found = self._motions.stretch(knots, c, begun, self._tips, length_mm)
@@ -292,7 +292,7 @@ class LineRow:
         return found
 
 
-def audit_line(stretch: Stretch, machine: Machine, kinematics: Kinematics, voice: Voice) -> None:
+def audit_line(stretch: Stretch, machine: Machine, kinematics: Kinematics, voice: Diagnostics) -> None:
     """Refuses an exact tool line on which a joint leaves its travel."""
     motion = stretch.motion
     first, last = rotaries_of(stretch.start, kinematics), rotaries_of(stretch.end, kinematics)

@@ -14,10 +14,10 @@ from controller.geometry.splines import BSpline, simplest
 from controller.geometry.vectors import ROUNDING, Vector, add, norm, subtract
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine
-from controller.messages import said
+from controller.messages import message
 from controller.motion.motions import JointMove
 from controller.plan.lines.moves import xyz_of
-from controller.plan.stretch import Stretch, Voice, joints_of, rotaries_of
+from controller.plan.stretch import Diagnostics, Stretch, joints_of, rotaries_of
 from controller.program.position import placed, read_in, shifted
 from controller.program.program import JointCurve
 
@@ -29,7 +29,7 @@ BESIDE_KNOT = 1e-6  # of the parameter: nearer to a knot there is an end already
 
 
 def stretches(
-    block: JointCurve, machine: Machine, kinematics: Kinematics, now: Joints, voice: Voice
+    block: JointCurve, machine: Machine, kinematics: Kinematics, now: Joints, voice: Diagnostics
 ) -> list[Stretch]:
     """The moves of a curve, one for each span between its knots; none where it has no length."""
     whole = spline(block, controls(block, machine, kinematics, now))
@@ -37,7 +37,7 @@ def stretches(
     try:
         arcs = [arc_length.of(span) for span in _spans(whole)]
     except ValueError:
-        voice.refuse(block.place, said("curve.to_and_fro"))
+        voice.refuse(block.place, message("curve.to_and_fro"))
     length = sum(arc.length_mm for arc in arcs)
     made: list[Stretch] = []
     for arc in arcs:

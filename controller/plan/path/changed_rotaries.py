@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 
 from controller.machine.model import Joints, Machine
-from controller.messages import said
+from controller.messages import message
 from controller.plan.rotaries.turns import SAME_ROTARY_RAD
 from controller.plan.stretch import Chain, Note, Pause
 
@@ -26,7 +26,7 @@ def noted(
             before = now if item.changing.step == 0 else before
             if item.changing.last and (turned := _turned(machine, before, now)):
                 key = "note.change_leaves_plane" if item.modal.tilted else "note.change_turns"
-                note(Note(item.place, said(key, axes=", ".join(turned))))
+                note(Note(item.place, message(key, axes=", ".join(turned))))
         yield item
 
 

@@ -13,10 +13,10 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 from controller.machine.model import Machine
-from controller.messages import said
+from controller.messages import message
 from controller.motion.motions import ThreadMove
 from controller.plan.lines.corners import Feed
-from controller.plan.stretch import Chain, Pause, Stretch, Voice
+from controller.plan.stretch import Chain, Diagnostics, Pause, Stretch
 from controller.program.program import (
     ENABLED,
     UNSAID,
@@ -113,7 +113,7 @@ SEEN_TICKS = 5  # from the edge to the first setpoint that is slower, at the mos
 CLOSE = 1e-4  # of the fastest feed that is told, mm/s
 
 
-def probing_way(chain: Chain, probe: Probing, tool: int, machine: Machine, voice: Voice) -> Chain:
+def probing_way(chain: Chain, probe: Probing, tool: int, machine: Machine, voice: Diagnostics) -> Chain:
     """The same way, under its own feed alone; refused where its stop would be too long for the probe."""
     sensor = machine.sensor(tool)
     most_mm = sensor.overtravel_mm if sensor is not None else 0.0
@@ -125,7 +125,7 @@ def probing_way(chain: Chain, probe: Probing, tool: int, machine: Machine, voice
             fastest = math.floor(60.0 * _fastest(stretch, most_mm, late_s, machine))
             voice.refuse(
                 stretch.place,
-                said(
+                message(
                     "probing.too_fast",
                     code=probe.code,
                     feed=60.0 * feed,

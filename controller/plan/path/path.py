@@ -18,7 +18,7 @@ import numpy as np
 
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine
-from controller.messages import Said, said
+from controller.messages import Message, message
 from controller.motion.motions import JointMove, Rotaries, SurfaceCut, ToolLine
 from controller.plan.lines import exact_rows, lines, meant, moves, rows, spline_moves
 from controller.plan.lines.corners import Feed
@@ -27,7 +27,7 @@ from controller.plan.lines.rows import LineRow
 from controller.plan.path import clamps, outputs, poles
 from controller.plan.path.outputs import Switched
 from controller.plan.rotaries.branch import BranchLost, joints_along
-from controller.plan.stretch import Chain, Note, Path, Pause, Stretch, Voice, motion_named, rotaries_of
+from controller.plan.stretch import Chain, Diagnostics, Note, Path, Pause, Stretch, motion_named, rotaries_of
 from controller.plan.surfaces import (
     approach,
     audit,
@@ -40,7 +40,7 @@ from controller.plan.surfaces import (
     train,
     unwind,
 )
-from controller.plan.surfaces.legs import Leg
+from controller.plan.surfaces.legs import CutSegment
 from controller.program.block_look_ahead import Ahead
 from controller.program.program import (
     Act,
@@ -71,9 +71,9 @@ __all__ = [
     "Chain",
     "Note",
     "Path",
+    "PathBuilder",
     "Pause",
     "Stretch",
-    "Tracer",
     "joints_along",
     "stream",
     "trace",
@@ -91,7 +91,7 @@ def trace(program: Program, machine: Machine, kinematics: Kinematics, start: Joi
     cannot be run: surface, gouge, corner, travel, branch or arc.
     """
     chosen = choices.choices(program.blocks, machine, kinematics, start, program.name)
-    tracer = Tracer(program.name, machine, kinematics, start, chosen)
+    tracer = PathBuilder(program.name, machine, kinematics, start, chosen)
     items = tuple(tracer.items(program.blocks))
     path = Path(items, tuple(tracer.notes), tracer.now)
     if program.blocks and not path.items:  # every move ends where it starts: a run of no length
@@ -112,17 +112,17 @@ def stream(
     ``chosen``: rotaries (rad) at the start of a train of cuts or at a G0 with a tool vector, by
     ``Place.order``; without it each is chosen as it comes. ProgramError comes when its block does.
     """
-    return Tracer(name, machine, kinematics, start, chosen or {}).items(blocks)
+    return PathBuilder(name, machine, kinematics, start, chosen or {}).items(blocks)
 
 
 class _Way(NamedTuple):
     """Cuts under way: the next train may follow without a retract."""
 
-    legs: Sequence[Leg]
+    legs: Sequence[CutSegment]
     run: list[Stretch]  # of the chain that they end in
 
 
-class Tracer:
+class PathBuilder:
     """Makes the path block by block; ``now`` are the joints where it has come to, ``notes`` what to tell."""
 
     def __init__(
@@ -135,7 +135,7 @@ class Tracer:
     ) -> None:
         self._machine, self._kinematics = machine, kinematics
         self._chosen = chosen  # rotaries at the start of a train, by the order of its first block
-        self._voice = Voice(name, self._note)
+        self._voice = Diagnostics(name, self._note)
         self._items: list[Chain | Pause] = []  # not given away yet
         self._ahead = Ahead(iter(()))
         self.notes: list[Note] = []
@@ -197,7 +197,7 @@ class Tracer:
                 continue
             elif (words := (block.place.line, block.text)) not in self._said and len(self._said) < MAX_SAID:
                 self._said.add(words)
-                self._note(block.place, said("note.says", text=block.text))
+                self._note(block.place, message("note.says", text=block.text))
 
     def _made(self) -> list[Chain | Pause]:
         made, self._items = self._items, []
@@ -266,7 +266,7 @@ class Tracer:
         self._rest()
         ways = [one for one in self._items[made:] if isinstance(one, Chain)]
         if not ways:
-            self._voice.refuse(block.place, said("probing.no_way", code=probe.code))
+            self._voice.refuse(block.place, message("probing.no_way", code=probe.code))
         self._items[made:] = [
             outputs.probing_way(one, probe, block.modal.tool, self._machine, self._voice) for one in ways
         ]
@@ -443,11 +443,11 @@ class Tracer:
             run = list(onto.stretches)
         self._way = _Way(legs, self._cut(legs, meetings, run))
 
-    def _legs(self, members: Sequence[cuts.Cut], near: Rotaries) -> list[Leg]:
+    def _legs(self, members: Sequence[cuts.Cut], near: Rotaries) -> list[CutSegment]:
         wanted = self._chosen.get(members[0].block.place.order)
         return train.choose(members, self._machine, self._kinematics, near, self._voice, wanted)
 
-    def _linked(self, members: Sequence[cuts.Cut]) -> tuple[list[Leg], list[Stretch]] | None:
+    def _linked(self, members: Sequence[cuts.Cut]) -> tuple[list[CutSegment], list[Stretch]] | None:
         """The next train and the run with the link to it; None where the tool goes up between them."""
         if self._way is None:
             return None
@@ -461,7 +461,7 @@ class Tracer:
         link = links.lay(before, legs, self._machine, self._kinematics)
         return (legs, [*run, link]) if link is not None else None
 
-    def _entered(self, members: Sequence[cuts.Cut]) -> tuple[list[Leg], list[Stretch]] | None:
+    def _entered(self, members: Sequence[cuts.Cut]) -> tuple[list[CutSegment], list[Stretch]] | None:
         """The next train and the row that leads over into it; None where the row ends at rest before it."""
         row, self._row = self._row, None
         assert row is not None
@@ -497,7 +497,7 @@ class Tracer:
             return True
         self.now = before
         if why:
-            self._note(block.place, said("row.departs", line=way.run[-1].place.line, why=why))
+            self._note(block.place, message("row.departs", line=way.run[-1].place.line, why=why))
         return False
 
     def _run_off(self, chain: Chain, modal: Modal) -> Chain:
@@ -524,7 +524,7 @@ class Tracer:
             self._chain(chain)
 
     def _cut(
-        self, legs: Sequence[Leg], meetings: Sequence[train.Meeting], run: list[Stretch]
+        self, legs: Sequence[CutSegment], meetings: Sequence[train.Meeting], run: list[Stretch]
     ) -> list[Stretch]:
         """``run`` with the cuts and the pivots between them; a swivel at a pole stands alone."""
         run.append(legs[0].stretch)
@@ -543,7 +543,7 @@ class Tracer:
 
     # ---- collecting --------------------------------------------------------------
 
-    def _note(self, place: Place, told: Said) -> None:
+    def _note(self, place: Place, told: Message) -> None:
         self.notes.append(Note(place, told))
 
     def _note_blend(self, block: Feed | JointCurve) -> None:
@@ -555,7 +555,7 @@ class Tracer:
         if not self._blends_noted:
             self._blends_noted = True
             mm, degrees = self._machine.joint_tolerance_mm, self._machine.joint_tolerance_deg
-            self._note(place, said(key, mm=mm, degrees=degrees))
+            self._note(place, message(key, mm=mm, degrees=degrees))
 
     def _pause(self, pause: Pause) -> None:
         self._rest()
@@ -606,8 +606,8 @@ class Tracer:
             excess = audit.outside(self._machine, s, joints_along(stretch, s, self._kinematics))
         if excess is not None:
             axis = self._machine.axes[excess.axis]
-            where = said("travel.in", motion=motion_named(stretch.name)) if stretch.name != "line" else ""
-            advice: Said = audit.MOVE
+            where = message("travel.in", motion=motion_named(stretch.name)) if stretch.name != "line" else ""
+            advice: Message = audit.MOVE
             if axis.is_rotary and relative:  # from another turn the same distance may fit
                 a, b = stretch.start[excess.axis], stretch.end[excess.axis]
                 advice = unwind.offer(axis, a, min(a, b), max(a, b))

@@ -13,14 +13,14 @@ from controller.geometry.arrays import columns
 from controller.geometry.vectors import ROUNDING
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import TOOL_AT_POWER_ON, Machine, Tool
-from controller.messages import said
+from controller.messages import message
 from controller.motion.motions import ToolSpline
 from controller.plan.rotaries.branch import joints_along
 from controller.plan.stretch import Chain, Note, Pause, Stretch
 from controller.program.program import Place
 
 OF_PROGRAM = ("line", "arc", "curve")  # names of motions that a program writes itself
-POSES, MOST = 9, 4000  # that are looked at: for each line of a motion, and of all
+POSES, MAX_POSES = 9, 4000  # that are looked at: for each line of a motion, and of all
 
 
 def noted(
@@ -36,7 +36,7 @@ def noted(
             place = next((one for one in places if one is not None), None)
             if place is not None:
                 told.add(tool.number)
-                note(Note(place, said("note.plunge", tool=tool.number)))
+                note(Note(place, message("note.plunge", tool=tool.number)))
         yield item
 
 
@@ -46,7 +46,7 @@ def _plunge(one: Stretch, tool: Tool, kinematics: Kinematics) -> Place | None:
         return None
     motion = one.motion
     lines = len(motion.lines) if isinstance(motion, ToolSpline) else 1
-    s = np.linspace(0.0, motion.end, min(POSES * lines, MOST))
+    s = np.linspace(0.0, motion.end, min(POSES * lines, MAX_POSES))
     pose = kinematics.forward(tuple(joints_along(one, s, kinematics).T), tool.length_mm, np)
     way, axis = np.diff(columns(pose.tip, len(s)), axis=0), columns(pose.axis, len(s))[:-1]
     down = -(way * axis).sum(axis=1)

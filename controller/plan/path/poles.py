@@ -13,16 +13,16 @@ import math
 
 from controller.geometry.vectors import Vector, cross, norm, scale, subtract, unit
 from controller.machine.model import Machine
-from controller.messages import Said, said
+from controller.messages import Message, message
 from controller.plan.stretch import Stretch
-from controller.plan.surfaces.legs import Leg
+from controller.plan.surfaces.legs import CutSegment
 
-MOST_ACCELERATION, MOST_JERK = 3.0 * math.sqrt(3.0) / 8.0, 2.0  # of atan(x), per x' squared and cubed
+MAX_ACCELERATION, MAX_JERK = 3.0 * math.sqrt(3.0) / 8.0, 2.0  # of atan(x), per x' squared and cubed
 STEP = 1e-3  # of a cut's length, over which its axis is looked at
-LEAST_TURN = 1e-6  # of the axis, rad/mm
+MIN_TURN = 1e-6  # of the axis, rad/mm
 
 
-def standing(swivel: Stretch, before: Leg, after: Leg, machine: Machine) -> Said:
+def standing(swivel: Stretch, before: CutSegment, after: CutSegment, machine: Machine) -> Message:
     """The note of a turn at a pole between two cuts: place, rotary, angle, time, and the tilt."""
     turns = [abs(b - a) for a, b in zip(swivel.start, swivel.end, strict=True)]
     k = max(machine.rotary(), key=lambda i: turns[i])
@@ -34,34 +34,34 @@ def standing(swivel: Stretch, before: Leg, after: Leg, machine: Machine) -> Said
     )
     x, y, z = after.cut.start.contact
     facts = {"x": x, "y": y, "z": z, "axis": machine.axes[k].name, "degrees": math.degrees(turns[k])}
-    stands = said("note.swivel", **facts, seconds=seconds)
+    stands = message("note.swivel", **facts, seconds=seconds)
     tilt = _tilt(before, after, limits.velocity, limits.acceleration, limits.jerk)
     if tilt is None:
         return stands
     about = [math.degrees(one) for one in tilt]
     turned = ", ".join(f"{one:.1f}" for one in about)
-    return said("note.swivel_tilt", stands=stands, degrees=math.degrees(norm(tilt)), tilt=turned)
+    return message("note.swivel_tilt", stands=stands, degrees=math.degrees(norm(tilt)), tilt=turned)
 
 
-def _tilt(before: Leg, after: Leg, velocity: float, acceleration: float, jerk: float) -> Vector | None:
+def _tilt(
+    before: CutSegment, after: CutSegment, velocity: float, acceleration: float, jerk: float
+) -> Vector | None:
     """The rotation vector (rad, table frame) with which the rotary keeps its limits; None: there is none."""
     into, out = _turning(before, at_end=True), _turning(after, at_end=False)
-    if norm(into) < LEAST_TURN or norm(out) < LEAST_TURN:
+    if norm(into) < MIN_TURN or norm(out) < MIN_TURN:
         return None
     inside = subtract(unit(out), unit(into))  # between the two sides on which the axis comes and leaves
     feed = before.cut.block.feed_mm_s
     if norm(inside) < STEP or feed is None:
         return None
     rate = feed * max(norm(into), norm(out))
-    least = max(
-        1.0 / velocity, math.sqrt(MOST_ACCELERATION / acceleration), (MOST_JERK / jerk) ** (1.0 / 3.0)
-    )
+    least = max(1.0 / velocity, math.sqrt(MAX_ACCELERATION / acceleration), (MAX_JERK / jerk) ** (1.0 / 3.0))
     motion = after.cut.motion
     pole = motion.part.turn(motion.pose(0.0).axis)
     return scale(cross(pole, unit(inside)), rate * least)
 
 
-def _turning(leg: Leg, at_end: bool) -> Vector:
+def _turning(leg: CutSegment, at_end: bool) -> Vector:
     """How the axis turns where a cut ends or begins, rad per mm of the contact, in the table frame."""
     motion = leg.cut.motion
     h = STEP * motion.end

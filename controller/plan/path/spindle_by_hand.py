@@ -12,18 +12,18 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 
 from controller.machine.model import Machine
-from controller.messages import Said, said
+from controller.messages import Message, message
 from controller.plan.stretch import Chain, Note, Pause
 from controller.program.program import Act
 
 _BEFORE = (Act.SPINDLE, Act.COOLANT, Act.OUTPUT, Act.TOOL, Act.END)  # for these nothing has to turn yet
 
 
-def instruction(rev_min: float) -> Said:
+def instruction(rev_min: float) -> Message:
     """What the operator is to do, at a signed speed, 0: it is to stand."""
     if rev_min == 0.0:
-        return said("spindle_change.off")
-    return said("spindle_change.right" if rev_min > 0.0 else "spindle_change.left", rev_min=abs(rev_min))
+        return message("spindle_change.off")
+    return message("spindle_change.right" if rev_min > 0.0 else "spindle_change.left", rev_min=abs(rev_min))
 
 
 def stopped(
@@ -46,7 +46,7 @@ def stopped(
     for item in items:
         if last is not None and not (isinstance(item, Pause) and item.act in _BEFORE):
             rev_min = last.modal.spindle_rev_min
-            note(Note(last.place, said("note.stops_for_spindle", what=instruction(rev_min))))
+            note(Note(last.place, message("note.stops_for_spindle", what=instruction(rev_min))))
             if isinstance(item, Pause) and item.act is Act.STOP and item.changing is None:
                 item = replace(item, turns=True)
             else:

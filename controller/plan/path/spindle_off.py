@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 
 from controller.machine.model import Machine
-from controller.messages import said
+from controller.messages import message
 from controller.motion.motions import ThreadMove
 from controller.plan.stretch import Chain, Note, Pause
 from controller.program.program import Place
@@ -24,7 +24,7 @@ def noted(
         if waits and isinstance(item, Pause):
             waits = item.modal.spindle_rev_min == 0.0
         elif waits and (place := _fed(item)) is not None:
-            note(Note(place, said("note.spindle_off")))
+            note(Note(place, message("note.spindle_off")))
             waits = False
         yield item
 

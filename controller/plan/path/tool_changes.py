@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 
 from controller.machine.model import Machine
-from controller.messages import Key, said
+from controller.messages import Key, message
 from controller.plan.stretch import Chain, Note, Pause
 from controller.program import modal
 from controller.program.program import Act, Modal, ProgramError
@@ -42,7 +42,7 @@ def stopped(
         turns = isinstance(item, Pause) and item.modal.spindle_rev_min and not machine.may_turn(in_spindle)
         if isinstance(item, Pause) and turns and not asks:
             code = modal.TURNS[1 if item.modal.spindle_rev_min > 0.0 else -1]
-            why = said("spindle.must_stand", code=code, tool=in_spindle)
+            why = message("spindle.must_stand", code=code, tool=in_spindle)
             raise ProgramError(name, item.place.line, item.place.column, why)
         if isinstance(item, Pause) and not turns:
             yield item
@@ -57,7 +57,7 @@ def stopped(
                 continue
             place = item.place if isinstance(item, Pause) else item.stretches[0].place
             yield Pause(place, state, act=Act.TOOL, open_clamps=is_open)
-        note(Note(place, said("note.stops_for", tool=_named(state.tool, machine))))
+        note(Note(place, message("note.stops_for", tool=_named(state.tool, machine))))
         yield Pause(place, state, act=Act.STOP, open_clamps=is_open)
         in_spindle = state.tool
         if isinstance(item, Pause) and not turns:

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 
 from controller.machine.model import MAX_PROGRAM_H, Machine
-from controller.messages import Key, said
+from controller.messages import Key, message
 from controller.plan.stretch import Chain, Pause, Stretch
 from controller.program.program import Place, ProgramError
 
@@ -64,6 +64,6 @@ def bounded(
 def _refusal(hours: float, place: Place, machine: Machine, name: str, whole: bool) -> ProgramError:
     allowed = machine.longest_program_h
     what = Key("path.whole_takes" if whole else "path.so_far_takes")
-    more = said("path.allow_longer", most=MAX_PROGRAM_H) if hours <= MAX_PROGRAM_H else ""
-    why = said("path.too_long", what=what, hours=hours, allowed=allowed, more=more)
+    more = message("path.allow_longer", most=MAX_PROGRAM_H) if hours <= MAX_PROGRAM_H else ""
+    why = message("path.too_long", what=what, hours=hours, allowed=allowed, more=more)
     return place.refusal(name, why)

@@ -19,8 +19,8 @@ from controller.machine.model import OFFSETS, Joints, Machine
 from controller.messages import DEFAULT, text
 from controller.motion.motions import JointMove, Rotaries
 from controller.plan.lines import moves, spline_moves
-from controller.plan.stretch import Voice, rotaries_of
-from controller.program.position import Known, Position, read_in
+from controller.plan.stretch import Diagnostics, rotaries_of
+from controller.program.position import Coordinate, Position, read_in
 from controller.program.program import (
     Act,
     Action,
@@ -34,8 +34,8 @@ from controller.program.program import (
     JointCurve,
     JointLine,
     JointMotion,
-    Message,
     Modal,
+    OperatorMessage,
     Remark,
     Select,
     Setting,
@@ -61,8 +61,8 @@ class Step:
     column: int
     # rapid, line, arc, curve, surface, dwell, spindle, tool, coolant, message, stop, optional stop, end
     kind: str
-    program: dict[str, Known]  # position at the end, in program coordinates
-    axes: dict[str, Known]  # the same as positions of the machine's axes
+    program: dict[str, Coordinate]  # position at the end, in program coordinates
+    axes: dict[str, Coordinate]  # the same as positions of the machine's axes
     offset: str  # work offset
     plane: str
     facts: dict[str, Any]  # what else belongs to its kind: feed and its unit, centre, turns, seconds ...
@@ -97,7 +97,7 @@ class _Explainer:
     def __init__(self, machine: Machine, name: str, start: Joints, language: str) -> None:
         self._machine, self._kinematics, self._language = machine, kinematics_of(machine), language
         self._position = Position(machine, start)
-        self._voice = Voice(name, lambda _, __: None)
+        self._voice = Diagnostics(name, lambda _, __: None)
 
     def step(self, block: Block) -> Step:
         before = self._position.joints() if isinstance(block, JointMotion) else ()
@@ -114,13 +114,13 @@ class _Explainer:
 
     # ---- positions -------------------------------------------------------------------
 
-    def _axes(self) -> dict[str, Known]:
+    def _axes(self) -> dict[str, Coordinate]:
         axes = self._machine.axes
         known = zip(axes, self._position.joints(), strict=True)
         return {axis.name: None if q is None else q * axis.shown_per_unit for axis, q in known}
 
-    def _program(self, modal: Modal) -> dict[str, Known]:
-        found: dict[str, Known] = dict(zip("XYZ", self._position.in_frame(modal), strict=True))
+    def _program(self, modal: Modal) -> dict[str, Coordinate]:
+        found: dict[str, Coordinate] = dict(zip("XYZ", self._position.in_frame(modal), strict=True))
         rotary = (self._machine.axes[i] for i in self._machine.rotary())
         for axis, q, shift in zip(rotary, self._position.rotaries, modal.turned_rad, strict=False):
             found[axis.name] = None if q is None else (q - shift) * axis.shown_per_unit
@@ -128,7 +128,7 @@ class _Explainer:
 
     # ---- what belongs to a kind ------------------------------------------------------
 
-    def _facts(self, block: Block, before: tuple[Known, ...]) -> dict[str, Any]:
+    def _facts(self, block: Block, before: tuple[Coordinate, ...]) -> dict[str, Any]:
         if isinstance(block, JointLine | TipLine):
             return (
                 {"kind": "rapid"}
@@ -141,7 +141,7 @@ class _Explainer:
             return {"kind": "curve", **self._feed(block, before), **self._curve(block, before)}
         if isinstance(block, Dwell):
             return {"kind": "dwell", "seconds": block.seconds}
-        if isinstance(block, Remark | Message):
+        if isinstance(block, Remark | OperatorMessage):
             told = text(block.said, self._language) if isinstance(block, Remark) else block.text
             return {"kind": "message", "text": told}
         if isinstance(block, Await):
@@ -155,7 +155,7 @@ class _Explainer:
             return {"kind": _KINDS[block.act], **_function(block)}
         return {"kind": "surface", "feed": block.feed_mm_s * 60.0, "unit": "mm/min"}
 
-    def _feed(self, block: JointMotion | TipLine, before: tuple[Known, ...]) -> dict[str, Any]:
+    def _feed(self, block: JointMotion | TipLine, before: tuple[Coordinate, ...]) -> dict[str, Any]:
         if block.time_s is not None:
             return {"feed": block.time_s, "unit": "s"}
         degrees = None if isinstance(block, JointArc | JointCurve) else block.feed_deg_s
@@ -163,14 +163,14 @@ class _Explainer:
             return {"feed": degrees * 60.0, "unit": "deg/min"}
         return {"feed": (block.feed_mm_s or 0.0) * 60.0, "unit": "mm/min"}
 
-    def _turns_only(self, block: JointLine, before: tuple[Known, ...]) -> bool:
+    def _turns_only(self, block: JointLine, before: tuple[Coordinate, ...]) -> bool:
         """Whether X Y Z stand while rotaries turn."""
         now = self._position.joints()
         linear = self._machine.linear()
         stands = all(_same(before[i], now[i]) if block.targets[i] is not None else True for i in linear)
         return stands and any(block.targets[i] is not None for i in self._machine.rotary())
 
-    def _arc(self, block: JointArc, before: tuple[Known, ...]) -> dict[str, Any]:
+    def _arc(self, block: JointArc, before: tuple[Coordinate, ...]) -> dict[str, Any]:
         """Centre in program coordinates, sense and turns; no centre where the start is not known."""
         told: dict[str, Any] = {"clockwise": block.clockwise, "turns": max(block.turns, 1), "centre": None}
         here = [q for q in before if q is not None]
@@ -181,7 +181,7 @@ class _Explainer:
             told["centre"] = self._shown(found.motion.curve.centre, block, found.motion.start_rotaries)
         return told
 
-    def _curve(self, block: JointCurve, before: tuple[Known, ...]) -> dict[str, Any]:
+    def _curve(self, block: JointCurve, before: tuple[Coordinate, ...]) -> dict[str, Any]:
         """Order, weights and, where the start is known, control points in program coordinates."""
         told = {
             "order": block.order,
@@ -203,7 +203,7 @@ class _Explainer:
         return {"XYZ"[i]: place[i] for i in sorted(plane)}
 
 
-def _same(a: Known, b: Known) -> bool:
+def _same(a: Coordinate, b: Coordinate) -> bool:
     return a is not None and b is not None and abs(a - b) < ROUNDING
 
 

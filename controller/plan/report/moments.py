@@ -24,7 +24,7 @@ from controller.geometry.curves import Arc, Even, Line
 from controller.motion.motions import JointMove
 from controller.plan.feed import binding, mesh
 from controller.plan.feed.binding import SHOWN_S, Motion, Span
-from controller.plan.feed.course import Course
+from controller.plan.feed.course import FeedCourse
 from controller.plan.feed.law import along
 from controller.plan.stretch import Stretch
 
@@ -44,12 +44,12 @@ class Look(NamedTuple):
     windows: int
 
 
-def of(course: Course, row: Sequence[Look]) -> Motion:
+def of(course: FeedCourse, row: Sequence[Look]) -> Motion:
     """The moments of a row."""
     return binding.moments(course, [one.span for one in row], PER_WINDOW, [one.windows for one in row])
 
 
-def rows(course: Course, spans: Sequence[Span], limits: Array) -> Iterator[list[Look]]:
+def rows(course: FeedCourse, spans: Sequence[Span], limits: Array) -> Iterator[list[Look]]:
     """All that is to be looked at, in order; ``limits`` (axes, 3) of the joints."""
     row: list[Look] = []
     for look in _looks(course, spans, limits):
@@ -61,7 +61,7 @@ def rows(course: Course, spans: Sequence[Span], limits: Array) -> Iterator[list[
         yield row
 
 
-def _looks(course: Course, spans: Sequence[Span], limits: Array) -> Iterator[Look]:
+def _looks(course: FeedCourse, spans: Sequence[Span], limits: Array) -> Iterator[Look]:
     """Spans cut where their speed is even, and none of more windows than are looked at at once."""
     for span in spans:
         for part, even in _cut(span):
@@ -100,7 +100,7 @@ def _cut(span: Span) -> Iterator[tuple[Span, bool]]:
         yield _part(span, start, span.to_s), False
 
 
-def _places(course: Course, span: Span) -> int:
+def _places(course: FeedCourse, span: Span) -> int:
     """Windows in which the path's own bends are seen at an even speed."""
     stretch = course.stretches[span.stretch]
     low, high = along(span.law, np.array([span.from_s, span.to_s]))[0]
@@ -117,7 +117,7 @@ def _moments(stretch: Stretch, length: float) -> float:
     return max(length / mesh.SPACING, mesh.SAMPLES[0] * length / motion.end)
 
 
-def _even(course: Course, look: Look, limits: Array) -> Iterator[Look]:
+def _even(course: FeedCourse, look: Look, limits: Array) -> Iterator[Look]:
     """A look cut into more and closer windows where the joints' shares change."""
     span, n = look
     if n >= binding.windows(span):

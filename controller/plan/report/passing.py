@@ -21,16 +21,15 @@ from collections.abc import Iterable, Iterator, Sequence
 import numpy as np
 
 from controller.plan.feed.binding import Span
-from controller.plan.feed.course import Course
+from controller.plan.feed.course import FeedCourse
 from controller.plan.feed.law import along
 from controller.plan.report.planned import Planned
 from controller.plan.restart.program_position import LinePart, lines_along, part_at
 from controller.plan.stretch import Chain, Pause, Stretch, Wait
-from controller.plan.timetable import MOST as MOST_EVENTS
-from controller.plan.timetable import Event, Passed, event_of
+from controller.plan.timetable import MAX_EVENTS, Event, Passed, event_of
 from controller.plan.waits import OPTIONAL
 
-MOST = 4000  # marks
+MAX_MARKS = 4000  # marks
 APART_S = 0.02  # of two marks inside of a window ...
 MAX_INSIDE = 40  # ... and so many of them at the most
 # In the order in which they are gone along; the block's own motion is OWN.
@@ -78,7 +77,7 @@ class Passing:
         """In the order of time."""
         stops = [
             Event(passed_s(self.marks, (order, 1.0, OWN, 0.0)), line, Wait(stops=OPTIONAL))
-            for order, line in itertools.islice(self._optional.items(), MOST_EVENTS)
+            for order, line in itertools.islice(self._optional.items(), MAX_EVENTS)
         ]
         return sorted([*self._events, *stops], key=lambda event: event.at_s)
 
@@ -87,10 +86,10 @@ class Passing:
         if sent.course is not None:
             self._spans(sent.course, sent.spans)
         elif sent.pause is not None and (event := event_of(sent.pause, self._now_s)) is not None:
-            self._events += [event] if len(self._events) < MOST_EVENTS else []
+            self._events += [event] if len(self._events) < MAX_EVENTS else []
         self._now_s += sent.took_s
 
-    def _spans(self, course: Course, spans: Sequence[Span]) -> None:
+    def _spans(self, course: FeedCourse, spans: Sequence[Span]) -> None:
         now_s = self._now_s
         for span in spans:
             stretch, parts = self._of(course.stretches[span.stretch])
@@ -111,8 +110,8 @@ class Passing:
         if self.marks and (now_s - self.marks[-1][1] < self._apart_s or place < self.marks[-1][0]):
             return
         self.marks.append((place, now_s))
-        if len(self.marks) > MOST:
-            self._apart_s = max(2.0 * self._apart_s, 2.0 * now_s / MOST)
+        if len(self.marks) > MAX_MARKS:
+            self._apart_s = max(2.0 * self._apart_s, 2.0 * now_s / MAX_MARKS)
             self.marks = self.marks[::2]
 
 

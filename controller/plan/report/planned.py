@@ -21,7 +21,7 @@ from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine
 from controller.plan.feed import cruise, mesh, pace
 from controller.plan.feed.binding import Laws, Marks, Span
-from controller.plan.feed.course import Course
+from controller.plan.feed.course import FeedCourse
 from controller.plan.feed.profile import Profile
 from controller.plan.look_ahead import WHOLE_SHARE, WINDOW_S, Orders, Place, Sent, Units, Windows
 from controller.plan.path.path import Chain, Pause
@@ -39,7 +39,7 @@ class Planned(NamedTuple):
 
     took_s: float  # a whole number of periods
     pause: Pause | None
-    course: Course | None
+    course: FeedCourse | None
     spans: list[Span]  # of the course
 
 
@@ -96,7 +96,7 @@ class _Windows(Windows):
     def _stops(self, made: Sent) -> None:
         return None
 
-    def _binds(self, course: Course, laws: Laws) -> list[Marks]:
+    def _binds(self, course: FeedCourse, laws: Laws) -> list[Marks]:
         return [()] * len(laws)
 
 
@@ -147,9 +147,9 @@ class _Rolling:
     def _until(self, stretch: Stretch, s: float, speed: float) -> float:
         """The first place of a stretch behind ``s`` at which anything but a feed of ``speed`` counts."""
         if stretch is not self._stretch:
-            course = Course([stretch], self._machine, self._kinematics, *self._scales)
+            course = FeedCourse([stretch], self._machine, self._kinematics, *self._scales)
             found = mesh.survey(mesh.Parts.of(course, s, course.length))
-            tight = (found.allowed < cruise.SURELY * found.feed) | (found.feed != speed)
+            tight = (found.allowed < cruise.MARGIN_RATIO * found.feed) | (found.feed != speed)
             self._stretch, self._tight = stretch, np.append(found.s[tight], course.length)
             self._sight_s = SIGHT * pace.window_s(WINDOW_S, pace.takes_s(course, s)[1])
         return float(self._tight[np.searchsorted(self._tight, s)])

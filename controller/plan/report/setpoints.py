@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from controller.plan.feed.binding import Span
-from controller.plan.feed.course import Course
+from controller.plan.feed.course import FeedCourse
 from controller.plan.feed.law import along
 from controller.plan.path.path import joints_along
 
@@ -37,7 +37,7 @@ DIFFERENCES = np.array(  # of the joints at those: a row each of velocity, accel
 class Setpoints:
     """The joints of one window of a plan at any time of it."""
 
-    def __init__(self, course: Course, spans: Sequence[Span]) -> None:
+    def __init__(self, course: FeedCourse, spans: Sequence[Span]) -> None:
         self._course, self._spans = course, spans
         lasts = itertools.accumulate((one.to_s - one.from_s for one in spans), initial=0.0)
         self._begins = np.array([*lasts][:-1])

@@ -19,7 +19,7 @@ from typing import Any
 from controller import own_files, sealed_file
 from controller.machine.model import Joints, Machine
 from controller.machine.plain import plain
-from controller.messages import Said, of_error, said
+from controller.messages import Message, message, of_error
 from controller.motion.motions import Rotaries
 from controller.plan import timetable
 from controller.plan.report.passing import Mark
@@ -123,7 +123,7 @@ def _forget_old(where: Path) -> None:
         own_files.remove(file, where.parent)
 
 
-def load(name: str, where: Path) -> tuple[Stored | None, Said | str]:
+def load(name: str, where: Path) -> tuple[Stored | None, Message | str]:
     """The check of that name and "", or None and a warning; the warning is "" where there is none."""
     file = where / f"{name}.json"
     try:
@@ -131,11 +131,11 @@ def load(name: str, where: Path) -> tuple[Stored | None, Said | str]:
     except FileNotFoundError:
         return None, ""
     except (OSError, ValueError) as error:
-        return None, said("stored.unread", file=file, why=of_error(error))
+        return None, message("stored.unread", file=file, why=of_error(error))
     try:
         return _stored(values, name), ""
     except (ValueError, KeyError, TypeError):
-        return None, said("stored.of_another", file=file)
+        return None, message("stored.of_another", file=file)
 
 
 def _stored(values: Any, name: str) -> Stored:
@@ -147,7 +147,9 @@ def _stored(values: Any, name: str) -> Stored:
         float(values["duration_s"]),
         int(values["blocks"]),
         {int(line): (float(a), float(b)) for line, (a, b) in values["choices"].items()},
-        tuple(Note(Place(int(line), int(column)), _said(words)) for line, column, words in values["notes"]),
+        tuple(
+            Note(Place(int(line), int(column)), _message(words)) for line, column, words in values["notes"]
+        ),
         tuple(Overcut(int(n), float(mm), float(u), float(v)) for n, mm, u, v in values["overcuts"]),
         {str(found): Recipe.from_dict(recipe) for found, recipe in values["placements"].items()},
         tuple(map(Verdict.from_dict, values["verdicts"])),
@@ -156,6 +158,6 @@ def _stored(values: Any, name: str) -> Stored:
     )
 
 
-def _said(words: Any) -> Said:
+def _message(words: Any) -> Message:
     """Raises KeyError or TypeError for anything but a text."""
-    return Said(key=str(words["key"]), values=dict(words["values"]))
+    return Message(key=str(words["key"]), values=dict(words["values"]))

@@ -23,7 +23,7 @@ from controller.machine.model import Machine
 from controller.motion.motions import SurfaceCut, ToolSpline
 from controller.plan.feed import binding
 from controller.plan.feed.binding import Span
-from controller.plan.feed.course import Course
+from controller.plan.feed.course import FeedCourse
 from controller.plan.feed.law import along
 from controller.plan.path.path import Chain, Pause, Stretch, joints_along
 from controller.plan.report import moments, works
@@ -239,7 +239,7 @@ class _Look:
             self._rest(tally, self._machine.period_s)
         self._marked = True
 
-    def _motion(self, course: Course, spans: Sequence[Span], took_s: float) -> None:
+    def _motion(self, course: FeedCourse, spans: Sequence[Span], took_s: float) -> None:
         setpoints = Setpoints(course, spans)
         for row in moments.rows(course, spans, self._limits):
             self._moments(course, row, setpoints)
@@ -304,7 +304,7 @@ class _Look:
 
     # ---- moments
 
-    def _moments(self, course: Course, row: Sequence[moments.Look], setpoints: Setpoints) -> None:
+    def _moments(self, course: FeedCourse, row: Sequence[moments.Look], setpoints: Setpoints) -> None:
         motion = moments.of(course, row)
         use = binding.used(motion, course.derivatives(motion.s))
         found = binding.codes(course, motion, use)

@@ -22,7 +22,7 @@ import numpy.typing as npt
 from controller.geometry.arrays import rows
 from controller.geometry.vectors import Pose
 from controller.machine.model import Tool
-from controller.plan.path.path import Tracer
+from controller.plan.path.path import PathBuilder
 from controller.plan.restart.program_position import line_of, order_of
 from controller.plan.restart.restart import Source
 from controller.plan.rotaries.branch import joints_along
@@ -33,7 +33,7 @@ Array = npt.NDArray[np.float64]
 
 SPACING_MM = 0.3  # of samples along lines
 LEVEL_MM = 0.05  # heights that are one level
-MOST_LEVELS = 40
+MAX_LEVELS = 40
 SAME_AXIS = 1e-4  # of unit vectors
 
 
@@ -98,7 +98,7 @@ def _deepest(
     before = (fed.tips - (np.sign(beside) * thicker_mm)[:, None] * fed.left) @ plane.T
     after = fed.tips @ plane.T
     levels = np.unique(np.round(high[contour] / LEVEL_MM))
-    levels = levels[np.linspace(0, len(levels) - 1, min(len(levels), MOST_LEVELS)).astype(int)] * LEVEL_MM
+    levels = levels[np.linspace(0, len(levels) - 1, min(len(levels), MAX_LEVELS)).astype(int)] * LEVEL_MM
     is_low = tip is not None and float(tip @ axis) < float(high.max())
     for level in levels:
         low = high <= level + LEVEL_MM
@@ -127,7 +127,7 @@ def _fed(source: Source, tool: int) -> Iterator[tuple[Stretch, float]]:
             yield block
 
     machine = source.machine
-    tracer = Tracer(source.name, machine, source.kinematics, source.start, source.chosen or {})
+    tracer = PathBuilder(source.name, machine, source.kinematics, source.start, source.chosen or {})
     before = 0
     for item in tracer.items(read()):
         for stretch in item.stretches if isinstance(item, Chain) else ():

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine
-from controller.messages import said
+from controller.messages import message
 from controller.motion.motions import SurfaceCut
 from controller.plan.restart import reentry
 from controller.plan.restart.reentry import RETRACT_MM_S, Fitted, NotPossible, Reentry, along_axis
@@ -85,7 +85,7 @@ def way(
     for stretch in (*laid[0], *laid[1], *onto.ways):
         _see_inside(stretch, machine)
     if tool is not None and (hit := walls.hit([*laid[0], *laid[1]], tool, kinematics)) is not None:
-        raise NotPossible(said("aside.hits", tool=tool.number, line=hit.line))
+        raise NotPossible(message("aside.hits", tool=tool.number, line=hit.line))
     return laid[0], laid[1]
 
 
@@ -104,7 +104,7 @@ def enter(
     axis' travel, or gets into a wall.
     """
     if machine.changer is not None and target.modal.tool != in_spindle:
-        sentence = said("tool.restart_other", found=in_spindle, wanted=target.modal.tool)
+        sentence = message("tool.restart_other", found=in_spindle, wanted=target.modal.tool)
         raise target.place.refusal(name, sentence)
     try:
         onto = target.reentry(fitted, machine, kinematics)
@@ -134,5 +134,5 @@ def _settings(target: Target, in_spindle: int) -> Iterator[Pause]:
 def _see_inside(stretch: Stretch, machine: Machine) -> None:
     """Raises NotPossible where a way leaves an axis' travel."""
     if (excess := audit.outside_at(machine, stretch.end)) is not None:
-        where = said("travel.in_entry", motion=motion_named(stretch.name))
+        where = message("travel.in_entry", motion=motion_named(stretch.name))
         raise NotPossible(audit.describe(machine.axes[excess.axis], excess, where))

@@ -21,7 +21,7 @@ import numpy.typing as npt
 
 from controller.geometry.vectors import ROUNDING, dot, subtract
 from controller.machine.model import Joints, Machine, Tool
-from controller.messages import Said, said
+from controller.messages import Message, message
 from controller.plan.restart import contours
 from controller.plan.restart.reentry import NotPossible
 from controller.plan.restart.restart import Rest
@@ -84,14 +84,14 @@ def see_fits(now: Joints, held: Joints, before: Tool, after: Tool, rest: Rest) -
     longer = after.length_mm - before.length_mm
     off_mm = dot(subtract(tip, kinematics.forward(held, before.length_mm).tip), axis)
     if longer > 0.0 and off_mm <= 0.0:
-        raise NotPossible(said("aside.longer", longer=longer, off=off_mm + longer))
+        raise NotPossible(message("aside.longer", longer=longer, off=off_mm + longer))
     see_cuts_no_deeper(before, after, rest, now)
     if target.is_surface:
         return
     high_mm = dot(subtract(tip, kinematics.forward(target.joints, after.length_mm).tip), axis)
     low_mm = _top(rest) - high_mm
     if low_mm > ROUNDING and overhang(before, after, low_mm) is not None:
-        raise NotPossible(said("aside.low", low=low_mm))
+        raise NotPossible(message("aside.low", low=low_mm))
 
 
 def see_cuts_no_deeper(before: Tool, after: Tool, rest: Rest, now: Joints) -> None:
@@ -106,7 +106,9 @@ def see_cuts_no_deeper(before: Tool, after: Tool, rest: Rest, now: Joints) -> No
     for block, lower_mm in _cut_lines(rest):
         follows = block.modal.tilted or abs(block.modal.length_mm - after.length_mm) < DEEPER_MM
         if longer > DEEPER_MM and not follows:
-            why = said("aside.not_lengthened", longer=longer, line=block.place.line, length=before.length_mm)
+            why = message(
+                "aside.not_lengthened", longer=longer, line=block.place.line, length=before.length_mm
+            )
             raise NotPossible(why)
         off_mm = thicker if block.modal.compensated else 0.0
         beside = beside or (block.place.line if block.modal.compensated else 0)
@@ -120,20 +122,20 @@ def see_cuts_no_deeper(before: Tool, after: Tool, rest: Rest, now: Joints) -> No
         pose = rest.source.kinematics.forward(now, after.length_mm)
         hit, standing = contours.cut_deeper(rest.source, after, thicker, DEEPER_MM, pose)
         if hit is not None:
-            raise NotPossible(said("aside.contour", tool=after.number, by=hit.depth_mm, line=hit.line))
+            raise NotPossible(message("aside.contour", tool=after.number, by=hit.depth_mm, line=hit.line))
         if standing is not None:
             where = {"tool": after.number, "by": standing.depth_mm, "line": standing.line}
-            raise NotPossible(said("aside.stands_beside", **where))
+            raise NotPossible(message("aside.stands_beside", **where))
 
 
-def _deeper(out: Overhang, before: Tool, after: Tool, block: Block) -> Said:
+def _deeper(out: Overhang, before: Tool, after: Tool, block: Block) -> Message:
     line, tool = block.place.line, after.number
     if out.above_mm >= after.flute_mm:
-        return said("aside.holder", tool=tool, by=out.by_mm, above=out.above_mm, line=line)
+        return message("aside.holder", tool=tool, by=out.by_mm, above=out.above_mm, line=line)
     thicker = after.radius_mm - before.radius_mm
     if thicker > DEEPER_MM and not block.modal.compensated:
-        return said("aside.thicker", by=thicker, radius=before.radius_mm, line=line)
-    return said("aside.shape", tool=tool, by=out.by_mm, above=out.above_mm, line=line)
+        return message("aside.thicker", by=thicker, radius=before.radius_mm, line=line)
+    return message("aside.shape", tool=tool, by=out.by_mm, above=out.above_mm, line=line)
 
 
 def _top(rest: Rest) -> float:

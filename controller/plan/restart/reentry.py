@@ -24,7 +24,7 @@ import numpy.typing as npt
 from controller.geometry.vectors import Vector, add, norm, scale
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine, Tool
-from controller.messages import Said, said, text
+from controller.messages import Message, message, text
 from controller.motion.motions import SurfaceCut
 from controller.plan.restart.program_position import line_of
 from controller.plan.rotaries.branch import joints_along
@@ -58,7 +58,7 @@ MORE, MORE_MM = 0.1, 5e-3  # than that
 class NotPossible(Exception):
     """Why the tool cannot leave the path, or not come to it, and what to do."""
 
-    def __init__(self, why: Said) -> None:
+    def __init__(self, why: Message) -> None:
         super().__init__(text(why))
         self.said = why
 
@@ -114,7 +114,7 @@ def see_free(now: Joints, allowed_mm: float, fitted: Fitted, kinematics: Kinemat
         return
     stands = fitted.walls.at(now, tool, kinematics)
     if stands.depth_mm > max(allowed_mm, STANDS_MM):
-        raise NotPossible(said("aside.stands", tool=tool.number, depth=stands.depth_mm, line=stands.line))
+        raise NotPossible(message("aside.stands", tool=tool.number, depth=stands.depth_mm, line=stands.line))
 
 
 # ---- onto the path -----------------------------------------------------------------
@@ -170,7 +170,7 @@ def _beside_a_surface(
     off = end.straight_off()
     if off is not None and _lets(off, most_mm, fitted, machine, kin):
         return Reentry(off.start, s, (off,), False, most_mm)
-    raise NotPossible(said("aside.no_lead", line=line_of(stretch, s)))
+    raise NotPossible(message("aside.no_lead", line=line_of(stretch, s)))
 
 
 def _lets(lead: Stretch, most_mm: float, fitted: Fitted, machine: Machine, kin: Kinematics) -> bool:

@@ -19,10 +19,10 @@ import numpy.typing as npt
 
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine
-from controller.messages import Said, said
+from controller.messages import Message, message
 from controller.motion.motions import Rotaries, ToolSpline
 from controller.plan.path import clamps, spindle_by_hand, tool_changes
-from controller.plan.path.path import Tracer
+from controller.plan.path.path import PathBuilder
 from controller.plan.restart import entry
 from controller.plan.restart.program_position import (
     AFTER_CHANGE,
@@ -116,7 +116,7 @@ class Rest:
             if isinstance(item, Pause) and item.changing is not None:
                 if item.changing.step == 0:
                     break
-                raise place.refusal(self.source.name, said("tool.restart_inside"))
+                raise place.refusal(self.source.name, message("tool.restart_inside"))
             if place.order > self.order:
                 break
         return first
@@ -135,7 +135,7 @@ def find(source: Source, spot: Spot) -> Rest:
     Raises ProgramError where the program is refused on the way, or has no such place.
     """
     if not 0.0 <= spot.fraction <= 1.0:
-        why = said("restart.no_fraction", fraction=spot.fraction)
+        why = message("restart.no_fraction", fraction=spot.fraction)
         raise ProgramError(source.name, spot.line, 1, why)
     return _Search(source.dry(), spot).rest()
 
@@ -187,7 +187,9 @@ class _Search:
     def __init__(self, source: Source, spot: Spot) -> None:
         self._source, self._spot = source, spot
         self._lines = _Lines(source)
-        tracer = Tracer(source.name, source.machine, source.kinematics, source.start, source.chosen or {})
+        tracer = PathBuilder(
+            source.name, source.machine, source.kinematics, source.start, source.chosen or {}
+        )
         self._items = _unclamped(tracer.items(self._lines))
         self._stands = source.start
         self._goes_back = False  # lines run in another order than they stand
@@ -212,7 +214,7 @@ class _Search:
         raise self._none("restart.no_motion_of_it" if self._goes_back else "restart.no_motion")
 
     def _none(self, key: str, **values: object) -> ProgramError:
-        return ProgramError(self._source.name, self._spot.line, 1, said(key, **values))
+        return ProgramError(self._source.name, self._spot.line, 1, message(key, **values))
 
     def _check_known(self) -> None:
         """A line alone says where to begin only if it runs once, or the operator has named it."""
@@ -375,9 +377,9 @@ def _counted(items: Iterator[Chain | Pause], first_id: int) -> Iterator[Chain | 
 # on the lengths, and everything else (approach, travel, limits) is judged as it will be run.
 
 
-def dry_run_refusal(offset_mm: float) -> Said | None:
+def dry_run_refusal(offset_mm: float) -> Message | None:
     """Why an offset is refused; None where it is not."""
-    return None if 0.0 <= offset_mm < 1e4 else said("restart.dry_run", offset=offset_mm)
+    return None if 0.0 <= offset_mm < 1e4 else message("restart.dry_run", offset=offset_mm)
 
 
 def dry_machine(machine: Machine, offset_mm: float) -> Machine:

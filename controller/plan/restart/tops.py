@@ -16,7 +16,7 @@ from controller.plan.stretch import Stretch
 Array = npt.NDArray[np.float64]
 
 SIDE = 33  # samples along a motion
-MOST = 20_000  # points
+MAX_POINTS = 20_000  # points
 
 
 class Tops:
@@ -31,7 +31,7 @@ class Tops:
         if stretch.feed_mm_s is None:
             return
         self._points += self._of(stretch, length_mm)
-        if len(self._points) > MOST:
+        if len(self._points) > MAX_POINTS:
             self._points = _extremes(self._points)
 
     def take(self, other: Tops) -> None:

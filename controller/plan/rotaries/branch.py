@@ -218,13 +218,13 @@ def one_branch(stretch: Stretch, cut: SurfaceCut, kinematics: Kinematics) -> int
 
     Raises BranchLost.
     """
-    return _kept(cut, rotaries_of(stretch.start, kinematics), kinematics).branch
+    return _followed(cut, rotaries_of(stretch.start, kinematics), kinematics).branch
 
 
 def _rotaries_along(stretch: Stretch, cut: SurfaceCut, u: Array, kinematics: Kinematics) -> Array:
     """Rotaries (N, 2) at parameters ``u`` (N,), in the turns in which the stretch begins."""
     start = rotaries_of(stretch.start, kinematics)
-    kept = _kept(cut, start, kinematics)
+    kept = _followed(cut, start, kinematics)
     if kept.branch is not None:
         values = _solve(cut, kinematics, u).pairs[kept.branch]
         if not np.isnan(values).any():
@@ -234,7 +234,7 @@ def _rotaries_along(stretch: Stretch, cut: SurfaceCut, u: Array, kinematics: Kin
     return found.follow(start)[np.searchsorted(found.u, u)]
 
 
-class _Kept(NamedTuple):
+class _FollowedCut(NamedTuple):
     """A cut followed once: its one branch, and rotaries (N, 2) at ``u`` (N,), half a radian apart at most."""
 
     branch: int | None
@@ -243,10 +243,10 @@ class _Kept(NamedTuple):
 
 
 @remembered(REMEMBERED)
-def _kept(cut: SurfaceCut, start: Rotaries, kinematics: Kinematics) -> _Kept:
+def _followed(cut: SurfaceCut, start: Rotaries, kinematics: Kinematics) -> _FollowedCut:
     found = field(cut, kinematics)
     even = not (cut.touches or cut.beside_pole or np.isnan(found.pairs).any())
-    return _Kept(found.begun_on(start) if even else None, found.u, found.follow(start))
+    return _FollowedCut(found.begun_on(start) if even else None, found.u, found.follow(start))
 
 
 def _along_move(move: JointMove, s: Array, kinematics: Kinematics) -> Array:

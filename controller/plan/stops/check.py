@@ -19,7 +19,7 @@ Flags = npt.NDArray[np.bool_]
 
 # Accepted at most. A plan runs at up to 1.0, 1.0005 and 1.012, and a stop begins there.
 MAX_VELOCITY, MAX_ACCELERATION, MAX_JERK = 1.0003, 1.0009, 1.0148
-SURELY = 1.0 - 1e-9  # of those, what is within without a closer look: rounding is less
+SURE_SHARE = 1.0 - 1e-9  # of those, what is within without a closer look: rounding is less
 AT_ONCE = 128  # stops: what is known of them fits into a cache
 MIN_LOOKS, MAX_LOOKS = 4, 8  # parts of a step at whose ends it is looked at; of a step of many ticks more
 STANDSTILL = 1e-9  # speed (unit of s per second) below which nothing needs to stop
@@ -95,9 +95,9 @@ def _surely_within(way: Way, motion: Motion, j: Array, h: float) -> Flags:
     most, known = way.most(s, h)
     jerk = speed * (most[2] * (speed * speed) + 3.0 * rate * most[1]) + most[0] * np.abs(j)
     known &= np.minimum(v[:-1], v[1:]) - turns >= -STANDSTILL
-    known &= jerk <= SURELY * MAX_JERK
-    known &= most[4] * (speed * speed) + most[3] * rate <= SURELY * MAX_ACCELERATION
-    known &= most[5] * speed <= SURELY * MAX_VELOCITY
+    known &= jerk <= SURE_SHARE * MAX_JERK
+    known &= most[4] * (speed * speed) + most[3] * rate <= SURE_SHARE * MAX_ACCELERATION
+    known &= most[5] * speed <= SURE_SHARE * MAX_VELOCITY
     return known
 
 

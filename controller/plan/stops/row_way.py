@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from controller.plan.feed.course import Course
+from controller.plan.feed.course import FeedCourse
 from controller.plan.feed.profile import Profile
 from controller.plan.feed.ticked import beside, of
 from controller.plan.stops.way import SPEED, TINY, Way, lower
@@ -22,7 +22,7 @@ class RowWay(Way):
 
     is_rough = True
 
-    def __init__(self, course: Course, profile: Profile, first_s: float, last_s: float) -> None:
+    def __init__(self, course: FeedCourse, profile: Profile, first_s: float, last_s: float) -> None:
         self._take(course.stop_limits, course.machine.period_s)
         ticked = of(course, profile.start_s, profile.end_s)
         ends = profile.along(np.array([first_s, last_s]))[0]

@@ -23,7 +23,7 @@ import numpy.typing as npt
 from controller.geometry.arrays import distinct
 from controller.ipc.handoff import StopTable
 from controller.plan.feed import ticked
-from controller.plan.feed.course import Course
+from controller.plan.feed.course import FeedCourse
 from controller.plan.feed.profile import Profile
 from controller.plan.stops import straight
 from controller.plan.stops.check import STANDSTILL, check
@@ -65,7 +65,7 @@ LONG_STEPS = 60  # a typical stop has about so many jerks at most
 HORIZON_S = 0.4  # of the plan beyond the last start: enough for a stop of twice that
 
 
-def stops(course: Course, profile: Profile, first_s: float, last_s: float, step_s: float) -> StopTable:
+def stops(course: FeedCourse, profile: Profile, first_s: float, last_s: float, step_s: float) -> StopTable:
     """A stop from the plan's state at first_s, first_s + step_s ... up to last_s.
 
     Times are seconds from the profile's beginning, all of them whole numbers of periods.
@@ -88,7 +88,7 @@ def stops(course: Course, profile: Profile, first_s: float, last_s: float, step_
         horizon *= 3.0
 
 
-def _jerk_step(course: Course, start: Motion) -> float:
+def _jerk_step(course: FeedCourse, start: Motion) -> float:
     """One period, or more where stops are so long that one would make too many steps."""
     limits, period = course.stop_limits, course.machine.period_s
     s, v, _ = start

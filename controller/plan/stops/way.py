@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from controller.geometry.arrays import distinct, within
-from controller.plan.feed.course import Course
+from controller.plan.feed.course import FeedCourse
 from controller.plan.feed.limits import JointLimits
 from controller.plan.feed.profile import Profile
 from controller.plan.junctions import JUMP_SHARE
@@ -52,7 +52,7 @@ class Way:
 
     is_rough = False  # where one start has no stop the next has, and it is not worth while to seek for long
 
-    def __init__(self, course: Course, profile: Profile, first_s: float, last_s: float) -> None:
+    def __init__(self, course: FeedCourse, profile: Profile, first_s: float, last_s: float) -> None:
         limits = course.stop_limits
         self._take(limits, course.machine.period_s)
         times = np.linspace(first_s, last_s, max(int((last_s - first_s) / NODE_STEP_S), 4) + 1)
@@ -156,7 +156,7 @@ class Way:
         self.s = places
         self._lines = np.ascontiguousarray(np.hstack([slope, derived[:-1]]).T)  # else each take copies all
 
-    def _refined(self, course: Course, places: Array, s: Array, v: Array) -> tuple[Array, Array]:
+    def _refined(self, course: FeedCourse, places: Array, s: Array, v: Array) -> tuple[Array, Array]:
         """More places where a straight line between two is not good enough at the plan's speed."""
         derived = self._derived(course, places)
         for _ in range(SPLIT_ROUNDS):
@@ -173,7 +173,7 @@ class Way:
             places = np.concatenate([places, more])[order]
         return places, derived
 
-    def _derived(self, course: Course, places: Array) -> Array:
+    def _derived(self, course: FeedCourse, places: Array) -> Array:
         d = course.derivatives(places)
         return np.concatenate([d.first, d.second, d.third], axis=1) / np.tile(self._jerk, 3)
 
@@ -210,7 +210,7 @@ def lower(nodes: Array) -> Array:
     return np.minimum(nodes[:, :-1], nodes[:, 1:])
 
 
-def _rooms(course: Course, places: Array, s: Array, v: Array) -> tuple[Array, Array, Array]:
+def _rooms(course: FeedCourse, places: Array, s: Array, v: Array) -> tuple[Array, Array, Array]:
     """Shares of the jerk and acceleration limits that a stop may use, and the share of rapids in them.
 
     A junction's jump of rates is spread over one tick; at the speed that it allows it takes

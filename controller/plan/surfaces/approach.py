@@ -31,7 +31,7 @@ from controller.plan.stretch import Chain, Stretch, joints_of, rotaries_of, roun
 from controller.plan.surfaces import audit
 from controller.plan.surfaces.cuts import Edge, beside, turn
 from controller.plan.surfaces.leads import Lead
-from controller.plan.surfaces.legs import Leg
+from controller.plan.surfaces.legs import CutSegment
 from controller.plan.surfaces.train import Meeting
 from controller.program.program import Place
 
@@ -51,7 +51,7 @@ class _Stand:
     kinematics: Kinematics
 
     @staticmethod
-    def at(leg: Leg, rotaries: Rotaries, kinematics: Kinematics) -> _Stand:
+    def at(leg: CutSegment, rotaries: Rotaries, kinematics: Kinematics) -> _Stand:
         block = leg.cut.block
         return _Stand(rotaries, leg.cut.motion.length_mm, block.place, block.feed_mm_s, kinematics)
 
@@ -79,7 +79,7 @@ class _Stand:
 # ---- from the retract height to the lead and back --------------------------------
 
 
-def above(stand: _Stand, lead: Lead, legs: Sequence[Leg], machine: Machine, kin: Kinematics) -> Vector:
+def above(stand: _Stand, lead: Lead, legs: Sequence[CutSegment], machine: Machine, kin: Kinematics) -> Vector:
     """The tip on the tool-axis line through a lead's outer end that is clear of the train's highest point.
 
     Highest is meant as the machine stands: along Z with the rotaries of that end. A
@@ -103,7 +103,7 @@ def above(stand: _Stand, lead: Lead, legs: Sequence[Leg], machine: Machine, kin:
 
 
 def arrive(
-    legs: Sequence[Leg], onto: Lead, now: Joints, machine: Machine, kinematics: Kinematics
+    legs: Sequence[CutSegment], onto: Lead, now: Joints, machine: Machine, kinematics: Kinematics
 ) -> list[Chain]:
     """Chains from ``now`` to the start of the lead in."""
     leg = legs[0]
@@ -122,7 +122,7 @@ def arrive(
     )
 
 
-def depart(legs: Sequence[Leg], off: Lead, machine: Machine, kinematics: Kinematics) -> list[Chain]:
+def depart(legs: Sequence[CutSegment], off: Lead, machine: Machine, kinematics: Kinematics) -> list[Chain]:
     """Chains from the end of the lead out to the retract height."""
     stand = _Stand.at(legs[-1], off.rotaries, kinematics)
     clear = above(stand, off, legs, machine, kinematics)
@@ -150,7 +150,7 @@ def chains(*stretches: Stretch | None) -> list[Chain]:
 # ---- inside a train --------------------------------------------------------------
 
 
-def between(before: Leg, after: Leg, meeting: Meeting, kinematics: Kinematics) -> list[Stretch]:
+def between(before: CutSegment, after: CutSegment, meeting: Meeting, kinematics: Kinematics) -> list[Stretch]:
     """What stands between two cuts of a train: a pivot about the shared ruling, a swivel at a pole."""
     found: list[Stretch] = []
     stand = _Stand.at(before, before.end, kinematics)
@@ -167,7 +167,7 @@ def between(before: Leg, after: Leg, meeting: Meeting, kinematics: Kinematics) -
     return found
 
 
-def _turn(way: SurfaceCut, before: Leg, after: Leg, kinematics: Kinematics) -> Stretch:
+def _turn(way: SurfaceCut, before: CutSegment, after: CutSegment, kinematics: Kinematics) -> Stretch:
     """As a pivot, and the tool axis tilts from one placement to the other."""
     found = field(way, kinematics)
     joints = joints_on(way, found.u, found.follow(before.end), kinematics)
@@ -176,7 +176,7 @@ def _turn(way: SurfaceCut, before: Leg, after: Leg, kinematics: Kinematics) -> S
     return Stretch(way, block.place, block.feed_mm_s, False, start, end, True, "pivot")
 
 
-def _pivot(stand: _Stand, before: Edge, after: Edge, leg: Leg) -> Stretch:
+def _pivot(stand: _Stand, before: Edge, after: Edge, leg: CutSegment) -> Stretch:
     """The contact stands, the tip goes round it with the tool axis held."""
     first, last = subtract(before.tip, before.contact), subtract(after.tip, before.contact)
     angle = math.atan2(norm(cross(first, last)), dot(first, last))
@@ -186,7 +186,7 @@ def _pivot(stand: _Stand, before: Edge, after: Edge, leg: Leg) -> Stretch:
     return turned.arc("pivot", before.contact, before.tip, after.tip, angle)
 
 
-def _swivel(a: Rotaries, after: Leg, kinematics: Kinematics) -> Stretch:
+def _swivel(a: Rotaries, after: CutSegment, kinematics: Kinematics) -> Stretch:
     """At a pole two blocks may ask for different angles of the work's rotary: it turns, the pose stands.
 
     With the other rotary held, X Y Z follow the standing tip on a circle f(t); from

@@ -12,14 +12,14 @@ import numpy.typing as npt
 from controller.geometry.arrays import rows
 from controller.geometry.vectors import ROUNDING, Vector
 from controller.machine.model import Axis, Joints, Machine
-from controller.messages import Said, said
+from controller.messages import Message, message
 from controller.motion.motions import SurfaceCut
 from controller.plan.surfaces import deviation
 from controller.plan.surfaces.cuts import Cut, flank
 
 Array = npt.NDArray[np.float64]
 
-MOVE = said("travel.move")  # what helps against a joint outside of its travel
+MOVE = message("travel.move")  # what helps against a joint outside of its travel
 POINTS_PER_CUT = (161, 7)  # along and across, for the gouge check of leads
 MAX_POINTS = 20000
 TURN_POSES = 33
@@ -90,9 +90,9 @@ def outside_at(machine: Machine, joints: Joints) -> Excess | None:
     return None
 
 
-def describe(axis: Axis, excess: Excess, where: Said | str = "", advice: Said = MOVE) -> Said:
+def describe(axis: Axis, excess: Excess, where: Message | str = "", advice: Message = MOVE) -> Message:
     """One sentence: which axis, where, how far, what is allowed and what to do."""
-    return said("travel.beyond", where=where, advice=advice, **beyond(axis, excess))
+    return message("travel.beyond", where=where, advice=advice, **beyond(axis, excess))
 
 
 def beyond(axis: Axis, excess: Excess) -> dict[str, object]:
@@ -104,10 +104,10 @@ def beyond(axis: Axis, excess: Excess) -> dict[str, object]:
     return {"axis": axis.name, "unit": unit, "low": low, "high": high, **reached}
 
 
-def at_place(cut: Cut, u: float) -> Said:
+def at_place(cut: Cut, u: float) -> Message:
     """Where on a block, for a sentence: its parameter and the contact, part frame."""
     x, y, z = cut.motion.surface.contact(u)
-    return said("travel.at", u=cut.block_u(u), x=x, y=y, z=z)
+    return message("travel.at", u=cut.block_u(u), x=x, y=y, z=z)
 
 
 # ---- gouging ---------------------------------------------------------------------
@@ -175,14 +175,14 @@ def depth_in_turn(way: SurfaceCut, before: Cut, after: Cut) -> float:
     poses = [way.surface.pose(float(x), 0.0) for x in np.linspace(0.0, 1.0, TURN_POSES)]
     tips, axes = (np.array(column) for column in zip(*poses, strict=True))
     deepest = 0.0
-    for cut, u in ((before, 1.0 - BESIDE * _NEAR), (after, BESIDE * _NEAR)):
+    for cut, u in ((before, 1.0 - BESIDE * _JOINT_SHARES), (after, BESIDE * _JOINT_SHARES)):
         points = _beside(cut, u)
         gap = deviation.at_poses(tips, axes, flank(cut), cut.tool.taper_rad, points)
         deepest = max(deepest, -float(gap.min()))
     return deepest
 
 
-_NEAR = np.linspace(0.0, 1.0, 65) ** 2  # closer towards the joint
+_JOINT_SHARES = np.linspace(0.0, 1.0, 65) ** 2  # closer towards the joint
 
 
 def _beside(cut: Cut, u: Array) -> Array:

@@ -21,7 +21,7 @@ from controller.geometry.surfaces import Surface
 from controller.machine.kinematics import Kinematics, kinematics_of
 from controller.machine.model import Machine
 from controller.plan.rotaries.branch import joints_along
-from controller.plan.stretch import Stretch, Voice
+from controller.plan.stretch import Diagnostics, Stretch
 from controller.plan.surfaces import approach, blending, cuts, leads, placements, train
 from controller.plan.surfaces.cuts import Cut, Parts
 from controller.plan.surfaces.placing import CHOSEN_FROM, Grid, as_the_paper, base_of
@@ -34,14 +34,14 @@ BESIDE = np.linspace(0.0, 1.0, 129)[1:] ** 2  # of a lead, closer where it joins
 TURNED = np.linspace(0.0, 1.0, 17)
 
 
-def build(block: CutBlock, machine: Machine, voice: Voice) -> tuple[Cut, ...]:
+def build(block: CutBlock, machine: Machine, voice: Diagnostics) -> tuple[Cut, ...]:
     """As ``cuts.build``, for whatever placement is asked for."""
     return cuts.build(block, machine, voice, partial(_least_off, machine=machine, name=voice.program))
 
 
 def _least_off(parts: Parts, machine: Machine, name: str) -> tuple[Surface, ...]:
     """The surfaces of a block as a check has kept them, or as they are found now; of equals the plainest."""
-    row, asked = parts.row, _asked(parts, machine)
+    row, asked = parts.row, _choice_inputs(parts, machine)
     known = row.known(Strategy.AUTO, *asked)
     if known is not None:
         return known
@@ -63,8 +63,8 @@ def _least_off(parts: Parts, machine: Machine, name: str) -> tuple[Surface, ...]
     return chosen
 
 
-def _asked(parts: Parts, machine: Machine) -> tuple[object, ...]:
-    """What the choice hangs on beside the surfaces: the block's joints and its leads."""
+def _choice_inputs(parts: Parts, machine: Machine) -> tuple[object, ...]:
+    """What the choice depends on beside the surfaces: the block's joints and its leads."""
     block, joints = parts.block, blending.allowed_by(parts.block.modal, machine)
     led = machine.lead_mm, machine.lead_feed_mm_s, machine.period_s, machine.axes
     return block.feed_mm_s, block.modal.frame(machine), joints, led
@@ -81,7 +81,7 @@ def _middle(way: Sequence[Cut], grids: Sequence[Grid]) -> float:
 
 def _whole(way: Sequence[Cut], grids: Sequence[Grid], machine: Machine, name: str) -> float:
     """How far (mm) a block is off at most; inf where it cannot be run so."""
-    kinematics, silent = kinematics_of(machine), Voice(name, lambda place, told: None)
+    kinematics, silent = kinematics_of(machine), Diagnostics(name, lambda place, told: None)
     try:
         trains = list(train.trains(way, machine, kinematics, silent))
         beside = [poses for one in trains for poses in _beside(*one, machine, kinematics, silent)]
@@ -112,7 +112,7 @@ def _beside(
     meetings: Sequence[train.Meeting],
     machine: Machine,
     kinematics: Kinematics,
-    voice: Voice,
+    voice: Diagnostics,
 ) -> Iterator[tuple[Array, Array]]:
     """Tips and axes (N, 3), part frame, of all but the cuts of a train: the turns between them, the leads."""
     legs = train.choose(members, machine, kinematics, (0.0, 0.0), voice)

@@ -28,7 +28,7 @@ BESIDE = 1.25  # times the blend's own reach is looked at
 _ALONG, _ACROSS = np.linspace(0.0, 1.0, 17), np.linspace(0.0, 1.0, 5)
 _SIDE = np.linspace(0.0, 1.0, 41)
 EVEN = 0.97  # blends whose reaches differ by less are alike
-LEAST_RATIO = 0.02  # of the shorter reach to the longer one
+MIN_RATIO = 0.02  # of the shorter reach to the longer one
 _FURTHER, _FURTHER_IN_CORNER, _FURTHER_AT_CREASE = (
     np.linspace(0.0, 1.0, count)[1:] ** 2 for count in (13, 41, 97)
 )
@@ -102,7 +102,7 @@ def between(one: End, other: End, reaches_mm: Reaches, rounding: Rounding) -> tu
     step, reach, ratio = other.rows - one.rows, max(reaches_mm), min(reaches_mm) / max(reaches_mm)
     corner = Uneven(0.5, 0.5 * rounding.away, 0.5 * rounding.bend)
     if ratio < EVEN:
-        corner = Uneven.of(max(round(ratio, 2), LEAST_RATIO), rounding.away)
+        corner = Uneven.of(max(round(ratio, 2), MIN_RATIO), rounding.away)
     # A step of the place takes third derivatives as 1 / reach^3, one of the bend as 1 / reach.
     longer = np.array([[1.0 / (1.0 + ratio**3)], [corner.share], [1.0 / (1.0 + ratio)]])
     first = longer if reaches_mm[0] == reach else 1.0 - longer

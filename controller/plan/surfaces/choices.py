@@ -14,7 +14,7 @@ from controller.machine.model import Joints, Machine
 from controller.motion.motions import Rotaries
 from controller.plan.rotaries import winding
 from controller.plan.rotaries.winding import Row, Turned, Way
-from controller.plan.stretch import Voice, rotaries_of
+from controller.plan.stretch import Diagnostics, rotaries_of
 from controller.plan.surfaces import auto, cuts, legs, train
 from controller.program.program import Aside, Block, CutBlock, JointMotion, ProgramError, TipLine
 
@@ -33,7 +33,7 @@ def choices(
 def _steps(
     blocks: Iterable[Block], machine: Machine, kinematics: Kinematics, name: str
 ) -> Iterator[Row | Turned]:
-    voice = Voice(name, lambda place, sentence: None)  # the path says it all again
+    voice = Diagnostics(name, lambda place, sentence: None)  # the path says it all again
     try:
         for is_cut, group in groupby(_moving(blocks), lambda block: isinstance(block, CutBlock)):
             if is_cut:
@@ -51,7 +51,7 @@ def _moving(blocks: Iterable[Block]) -> Iterator[Block]:
 
 
 def _rows(
-    blocks: Iterable[CutBlock], machine: Machine, kinematics: Kinematics, voice: Voice
+    blocks: Iterable[CutBlock], machine: Machine, kinematics: Kinematics, voice: Diagnostics
 ) -> Iterator[Row]:
     ready = [cut for block in blocks for cut in auto.build(block, machine, voice)]
     for members, _ in train.trains(ready, machine, kinematics, voice):
@@ -59,7 +59,7 @@ def _rows(
 
 
 def _ways(
-    members: Sequence[cuts.Cut], machine: Machine, kinematics: Kinematics, voice: Voice
+    members: Sequence[cuts.Cut], machine: Machine, kinematics: Kinematics, voice: Diagnostics
 ) -> Callable[[Rotaries], Sequence[Way]]:
     """The branches of a train; followed once, unless they depend on where the rotaries stand."""
     fields = legs.Fields(members, kinematics)

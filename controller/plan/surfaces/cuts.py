@@ -21,11 +21,11 @@ from controller.geometry.vectors import Number, Vector, add, cross, dot, norm, r
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine, Tool
 from controller.memory import remembered
-from controller.messages import Key, Said, said
+from controller.messages import Key, Message, message
 from controller.motion.motions import SurfaceCut
-from controller.plan.stretch import Voice
+from controller.plan.stretch import Diagnostics
 from controller.plan.surfaces.placements import name_of
-from controller.plan.surfaces.placing import CHOSEN_FROM, Cutter, Row, Wanted, off_mm
+from controller.plan.surfaces.placing import CHOSEN_FROM, Cutter, RequiredPlacement, Row, off_mm
 from controller.plan.surfaces.touching import touched
 from controller.program.program import CutBlock, CutCone, CutRuled, GougeRefused, Modal
 
@@ -127,7 +127,7 @@ class Parts:
 def build(
     block: CutBlock,
     machine: Machine,
-    voice: Voice,
+    voice: Diagnostics,
     auto: Callable[[Parts], tuple[Surface, ...]],
 ) -> tuple[Cut, ...]:
     """The cuts of one block, in order; refuses a surface that its cutter cannot cut.
@@ -137,7 +137,7 @@ def build(
     tool = block.modal.tool_in(machine)
     if tool is None:
         known = ", ".join(f"T{t.number}" for t in machine.tools)
-        voice.refuse(block.place, said("cut.no_tool", tool=block.modal.tool, known=known))
+        voice.refuse(block.place, message("cut.no_tool", tool=block.modal.tool, known=known))
     surface, kind = surface_of(block), strategy(block.modal, tool, machine)
     found = _defect(surface)
     twisted = found is not None and found.kind is DefectKind.TWIST
@@ -146,9 +146,9 @@ def build(
         voice.refuse(block.place, described(block, found, advice))
     if block.modal.allowance_mm < 0.0 and tool.radius_mm + block.modal.allowance_mm <= 0.0:
         cutter = {"tool": tool.number, "radius": tool.radius_mm}
-        voice.refuse(block.place, said("cut.no_radius", allowance=block.modal.allowance_mm, **cutter))
+        voice.refuse(block.place, message("cut.no_radius", allowance=block.modal.allowance_mm, **cutter))
     if kind is Strategy.AUTO and tolerance_mm(block.modal, tool, machine) is None:
-        voice.refuse(block.place, said("cut.no_tolerance"))
+        voice.refuse(block.place, message("cut.no_tolerance"))
     if not twisted:  # an axis off the ruling meets other curvatures: what it cuts is judged
         _audit_hollow(block, surface, tool, machine, voice)
     _tell_flute(block, surface, tool, voice)
@@ -158,9 +158,9 @@ def build(
         made = parts.cuts(placed, machine)
     except ValueError as error:
         why = error.said if isinstance(error, NoLength) else str(error)
-        voice.refuse(block.place, said("cut.not_travelled", code=code(block), why=why))
+        voice.refuse(block.place, message("cut.not_travelled", code=code(block), why=why))
     if kind is Strategy.OPTIMAL and (as_good := _plainer(placed)):
-        voice.tell(block.place, said("note.optimal", as_good=Key(as_good)))
+        voice.tell(block.place, message("note.optimal", as_good=Key(as_good)))
     return made
 
 
@@ -172,7 +172,7 @@ def _plainer(placed: Sequence[Surface]) -> str:
     return "note.double" if any(one.normals_v != AT_LOWER for one in found) else "note.single"
 
 
-def wanted(block: CutBlock, machine: Machine) -> Iterator[Wanted]:
+def required_placements(block: CutBlock, machine: Machine) -> Iterator[RequiredPlacement]:
     """The placements that ``build`` will search for a block; none where it refuses it before."""
     tool = block.modal.tool_in(machine)
     if tool is None or (kind := strategy(block.modal, tool, machine)) is Strategy.SINGLE:
@@ -184,7 +184,9 @@ def wanted(block: CutBlock, machine: Machine) -> Iterator[Wanted]:
     found = _defect(surface)
     if found is None or (found.kind is DefectKind.TWIST and kind in FREE):
         row = Parts.of(block, surface, tool).row
-        yield from (Wanted(row, one) for one in (CHOSEN_FROM[1:] if kind is Strategy.AUTO else (kind,)))
+        yield from (
+            RequiredPlacement(row, one) for one in (CHOSEN_FROM[1:] if kind is Strategy.AUTO else (kind,))
+        )
 
 
 def _cutter(modal: Modal, tool: Tool) -> Cutter:
@@ -230,42 +232,44 @@ def _parts(block: CutBlock, surface: Surface, free: bool) -> tuple[tuple[Surface
     return tuple(RuledSurface(upper.between(*share), lower.between(*share)) for share in shares), shares
 
 
-def describe(found: Defect) -> Said:
+def describe(found: Defect) -> Message:
     """What is wrong with a surface and what to do; without a full stop."""
     figures = {"u": found.u, "v": found.v, "turn_deg": found.turn_deg}
     known = {name: value for name, value in figures.items() if math.isfinite(value)}  # NaN is no JSON
-    return said(f"defect.{found.kind.value}", **known)
+    return message(f"defect.{found.kind.value}", **known)
 
 
-def described(block: CutBlock, found: Defect, advice: Said | str = "") -> Said:
+def described(block: CutBlock, found: Defect, advice: Message | str = "") -> Message:
     """The same of the surface of a block."""
-    return said("cut.defect", code=code(block), defect=describe(found), advice=advice)
+    return message("cut.defect", code=code(block), defect=describe(found), advice=advice)
 
 
-def _untwisted(block: CutBlock, surface: Surface, tool: Tool, machine: Machine) -> Said:
+def _untwisted(block: CutBlock, surface: Surface, tool: Tool, machine: Machine) -> Message:
     """What helps a twisted surface: a placement that leaves the ruling, where one is good enough.
 
     A surface in several parts is not searched for a refusal: that would take seconds for each of them.
     """
     parts, kind = Parts.of(block, surface, tool), strategy(block.modal, tool, machine)
     if len(parts.free) > 1:
-        return said("cut.try_free")
+        return message("cut.try_free")
     own, best = (off_mm(parts.row, one) for one in (kind, Strategy.OPTIMAL))
     most = tolerance_mm(block.modal, tool, machine)
     if best < own and (most is None or best <= most):
         words = Key("cut.p3" if most is None else "cut.p3_or_p4")
-        return said("cut.write_free", words=words, kind=kind.name.lower(), own=own, best=best)
-    allowed = "" if most is None else said("cut.form_tolerance", most=most)
-    return said("cut.none_found", tool=tool.number, best=min(own, best), allowed=allowed)
+        return message("cut.write_free", words=words, kind=kind.name.lower(), own=own, best=best)
+    allowed = "" if most is None else message("cut.form_tolerance", most=most)
+    return message("cut.none_found", tool=tool.number, best=min(own, best), allowed=allowed)
 
 
-def _audit_hollow(block: CutBlock, surface: Surface, tool: Tool, machine: Machine, voice: Voice) -> None:
+def _audit_hollow(
+    block: CutBlock, surface: Surface, tool: Tool, machine: Machine, voice: Diagnostics
+) -> None:
     """A cutter that does not fit into the hollow of its side cuts away what it must leave (gouge)."""
     side = block.modal.side
     radius, u = _concave_radius(surface, side.value)
     if tool.radius_mm > radius * (1.0 + 1e-9):
         gouge(
-            said(
+            message(
                 "gouge.no_room",
                 code=code(block),
                 tool=tool.number,
@@ -274,28 +278,28 @@ def _audit_hollow(block: CutBlock, surface: Surface, tool: Tool, machine: Machin
                 u=u,
                 side=Key(f"gouge.{side.name.lower()}"),
             ),
-            said("gouge.fit_hollow", hollow=radius),
+            message("gouge.fit_hollow", hollow=radius),
             block,
             machine,
             voice,
         )
 
 
-def _tell_flute(block: CutBlock, surface: Surface, tool: Tool, voice: Voice) -> None:
+def _tell_flute(block: CutBlock, surface: Surface, tool: Tool, voice: Diagnostics) -> None:
     """A note where the longest ruling is longer than what the flank cuts."""
     longest = max(float(norm(surface.ruling(i / 64.0))) for i in range(65))
     if longest > tool.flank_mm:
         flute = {"flute": tool.flute_mm, "flank": tool.flank_mm}
-        told = said("note.flute", tool=tool.number, longest=longest, **flute)
+        told = message("note.flute", tool=tool.number, longest=longest, **flute)
         voice.tell(block.place, told)
 
 
-def gouge(what: Said, advice: Said, block: CutBlock, machine: Machine, voice: Voice) -> None:
+def gouge(what: Message, advice: Message, block: CutBlock, machine: Machine, voice: Diagnostics) -> None:
     """Refuse what cuts into the part, or only note it where the machine file says gouge = "warn"."""
     if machine.gouge == "refuse":
-        why = said("gouge.refused", what=what, advice=advice, more="")
+        why = message("gouge.refused", what=what, advice=advice, more="")
         raise block.place.refusal(voice.program, why, GougeRefused)
-    voice.tell(block.place, said("gouge.told", what=what, advice=advice))
+    voice.tell(block.place, message("gouge.told", what=what, advice=advice))
 
 
 def flank(cut: Cut) -> tuple[float, float]:

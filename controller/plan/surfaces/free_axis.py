@@ -38,7 +38,7 @@ Mask = npt.NDArray[np.bool_]
 
 SPANS, PER_RAD = 8, 3.0  # the first, and those for a radian by which an edge or the ruling turns, if more
 FINER = (2, 4)  # times as many are tried in turn
-MOST_SPANS = 64
+MAX_SPANS = 64
 REACH_SPANS = 8  # so far along from its own ruling a point may be cut
 GAIN = 0.05  # share of the deviation that more spans must gain, or there are no more
 PER_SPAN, ACROSS = 5, 13  # points of the surface that are looked at
@@ -62,7 +62,7 @@ EDGE = 161  # points of C1 of each surface, where the height of the tip is seen
 LEVEL_SPANS = (2, 4, 8)  # times as many spans for the curves that also keep it
 LEVEL_PRICE = 1e-7  # of bends of that height
 SAME_MM = 2e-5
-LEAST_COSINE = 0.3  # of the way from a point to the axis and its normal
+MIN_COSINE = 0.3  # of the way from a point to the axis and its normal
 BELOW_UPPER = 0.02  # of the ruling: at C0 itself there may be no normal
 GROWN = (0.25, 0.5, 0.75, 1.0)  # of the cutter's radius
 
@@ -92,7 +92,7 @@ class Points:
     def per_normal(self, seen: deviation.Deviation, of: Index | slice = _ALL) -> Array:
         """What a millimetre to the axis is along the normals of these points, or of those ``of``: (M,)."""
         cosine = np.abs((seen.away * self.normals[:, of]).sum(axis=0))
-        return np.asarray(1.0 / np.maximum(cosine, LEAST_COSINE))
+        return np.asarray(1.0 / np.maximum(cosine, MIN_COSINE))
 
     def with_those(self, other: Points, which: Mask) -> Points:
         """These, and some others'."""
@@ -261,7 +261,7 @@ class _Search:
         self._singles = singles
         self._surfaces = [one.base for one in singles]
         turned = math.ceil(PER_RAD * turn_of(self._surfaces))
-        self._fewest = min(max(SPANS, turned), MOST_SPANS)
+        self._fewest = min(max(SPANS, turned), MAX_SPANS)
         self._per_bend = (SPANS / self._fewest) ** 6  # bends are as steep as the surface is long
 
     def found(self, starts: Sequence[Sequence[Placed]]) -> Found | None:
@@ -277,7 +277,7 @@ class _Search:
         if not right:
             return None
         best, least = self._settled(min(right, key=itemgetter(1))[0], points)
-        for spans in (times * fewest for times in FINER if times * fewest <= MOST_SPANS):
+        for spans in (times * fewest for times in FINER if times * fewest <= MAX_SPANS):
             basis = Basis.over(self._surfaces, spans)
             start = _fitted(best.single, basis, _poses_of(best, basis), self._per_bend)
             axis, size = self._settled(start, self._points(basis))

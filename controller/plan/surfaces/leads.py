@@ -27,13 +27,13 @@ from controller.geometry.placement import AT_LOWER, Placed
 from controller.geometry.vectors import Vector, norm
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine, Tool
-from controller.messages import said
+from controller.messages import message
 from controller.motion.motions import Rotaries, ToolSpline
 from controller.plan.rotaries.branch import joints_along
-from controller.plan.stretch import Stretch, Voice, joints_of, motion_named, rotaries_of, straight
+from controller.plan.stretch import Diagnostics, Stretch, joints_of, motion_named, rotaries_of, straight
 from controller.plan.surfaces import audit, rates
 from controller.plan.surfaces.cuts import Edge, beside, gouge, tolerance_mm
-from controller.plan.surfaces.legs import Leg
+from controller.plan.surfaces.legs import CutSegment
 from controller.program.program import Place
 
 Array = npt.NDArray[np.float64]
@@ -63,7 +63,7 @@ SHAPES = (
 )
 AT_FEED = 3
 SHORTER = tuple(10.0 ** (k / 10.0) for k in range(20, -7, -1))  # mm: preferred numbers, ISO 3, series R10
-KEPT = 0.98  # of the feed at the ruling, as ``End.kept`` estimates it ...
+KEPT = 0.98  # of the feed at the ruling, as ``End.feed_share`` estimates it ...
 NEARLY = 0.9  # ... or this of the most that any keeps
 ROOM = 1.2  # times the way in which the feed is reached: the lead bends meanwhile
 LONGEST = 5.0  # times ``lead_mm``, however long a machine needs to its feed
@@ -71,7 +71,7 @@ FADING, FADING_RAD = 1.0, math.radians(10.0)  # by so much of itself, and so far
 MAX_FADE = 0.45  # of a lead, on which the cut's bend fades: twice that must fit
 DIPS, TICKS, MIN_MM = 1.5, 4.0, 0.004  # of the way at the cut's feed beside the ruling
 MAX_TILT_RAD = math.radians(20.0)  # of the axis on a lead
-EASY = 0.4  # of both, where the feed does not need more
+EASY_SHARE = 0.4  # of both, where the feed does not need more
 MAX_TURN_RAD = math.radians(60.0)  # of a rotary: beside a pole it might be any number of turns
 STANDS_RAD = 1e-9  # per mm: rounding of a rotary that stands
 MIN_RATE = 0.2  # mm of the tip per mm of the contact: in a tight hollow the tip all but stands
@@ -87,7 +87,9 @@ class Lead:
     rotaries: Rotaries
 
 
-def lay(legs: Sequence[Leg], at_start: bool, machine: Machine, kinematics: Kinematics, voice: Voice) -> Lead:
+def lay(
+    legs: Sequence[CutSegment], at_start: bool, machine: Machine, kinematics: Kinematics, voice: Diagnostics
+) -> Lead:
     """The longest lead that stays outside of the train's surfaces and in travel; none where ``lead_mm`` is 0.
 
     Refuses (or tells, where the machine is to warn only) what would cut into them in any case.
@@ -97,7 +99,7 @@ def lay(legs: Sequence[Leg], at_start: bool, machine: Machine, kinematics: Kinem
     if machine.lead_mm <= 0.0:
         return end.standing(())
     free = Room.of(legs, at_start, machine, kinematics)
-    found = free.best(end.joined(machine), lambda lead: end.kept(lead, machine))
+    found = free.best(end.joined(machine), lambda lead: end.feed_share(lead, machine))
     if found is not None:
         return end.led(found)
     off = end.straight_off()
@@ -106,17 +108,17 @@ def lay(legs: Sequence[Leg], at_start: bool, machine: Machine, kinematics: Kinem
     reached = free.reached(off)
     if reached > OVERCUT_MM:
         gouge(
-            said("gouge.lead", lead=motion_named(off.name), length=machine.lead_mm, reached=reached),
-            said("gouge.shorter_lead"),
+            message("gouge.lead", lead=motion_named(off.name), length=machine.lead_mm, reached=reached),
+            message("gouge.shorter_lead"),
             leg.cut.block,
             machine,
             voice,
         )
-    voice.tell(leg.cut.block.place, said("lead.rests", lead=motion_named(off.name)))
+    voice.tell(leg.cut.block.place, message("lead.rests", lead=motion_named(off.name)))
     return end.led(off)
 
 
-def _off_mm(leg: Leg, machine: Machine) -> float:
+def _off_mm(leg: CutSegment, machine: Machine) -> float:
     """At most the radius of a cutter that leans against the twist: a longer lead reaches over the end."""
     surface = leg.cut.motion.surface
     leans = isinstance(surface, Placed) and (surface.normals_v != AT_LOWER or surface.through is not None)
@@ -148,7 +150,7 @@ class End:
     most: float = math.inf
 
     @staticmethod
-    def of(leg: Leg, at_start: bool, machine: Machine, kinematics: Kinematics) -> End:
+    def of(leg: CutSegment, at_start: bool, machine: Machine, kinematics: Kinematics) -> End:
         """That of a cut."""
         stretch = leg.stretch
         s, q = (0.0, stretch.start) if at_start else (stretch.motion.end, stretch.end)
@@ -214,7 +216,9 @@ class End:
         ramp = min(ROOM * way, LONGEST * lead_mm)
         for k, (share, slender, holds) in enumerate(SHAPES):
             off = share * off_mm
-            length = max(min(slender * off / tip_rate, EASY * most), min(ramp, most) if k < AT_FEED else 0.0)
+            length = max(
+                min(slender * off / tip_rate, EASY_SHARE * most), min(ramp, most) if k < AT_FEED else 0.0
+            )
             yield self._lead(min(length, self.most), off, feed, settling, holds)
 
     def _longest(self) -> float:
@@ -315,7 +319,7 @@ class End:
             steps, own_s = ((0.0, own), (at, feed_mm_s)), (0.0, at)
         return replace(lead, feed_mm_s=steps[0][1], feed_steps=steps, turning=(own_s,))
 
-    def kept(self, lead: Stretch, machine: Machine) -> float:
+    def feed_share(self, lead: Stretch, machine: Machine) -> float:
         """About what share of its feed the contact has at the ruling with this lead.
 
         The lead may be too short for it, or itself slower where rotaries are to come to stand soon.
@@ -384,7 +388,7 @@ class Room:
     kinematics: Kinematics
 
     @staticmethod
-    def of(legs: Sequence[Leg], at_start: bool, machine: Machine, kinematics: Kinematics) -> Room:
+    def of(legs: Sequence[CutSegment], at_start: bool, machine: Machine, kinematics: Kinematics) -> Room:
         cut = legs[0 if at_start else -1].cut
         points, allowed = audit.surface_points([leg.cut for leg in legs]), 0.0
         if cut.tool.radius_mm > 0.0:

@@ -13,12 +13,12 @@ import numpy.typing as npt
 
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Kind, Machine
-from controller.messages import Key, said
+from controller.messages import Key, message
 from controller.motion.motions import Rotaries
 from controller.plan.rotaries.branch import BranchLost, Field, field, joints_on
 from controller.plan.rotaries.turns import wrapped
 from controller.plan.rotaries.winding import Way
-from controller.plan.stretch import Stretch, Voice
+from controller.plan.stretch import Diagnostics, Stretch
 from controller.plan.surfaces import audit, rates
 from controller.plan.surfaces.cuts import Cut, turn
 from controller.program.program import ProgramError
@@ -31,7 +31,7 @@ SAME_TIME = 1.03  # times the least: for less travel a cut may be slower by less
 
 
 @dataclass(frozen=True, slots=True)
-class Leg:
+class CutSegment:
     """One cut with its rotaries followed: samples ``u`` (N,), ``rotaries`` (N, 2), ``joints`` (N, axes)."""
 
     cut: Cut
@@ -56,17 +56,17 @@ class Leg:
         return Stretch(self.cut.motion, *named, share=self.cut.part)
 
     @property
-    def ends(self) -> Leg:
+    def ends(self) -> CutSegment:
         """Its first and its last sample alone, which are all that a path asks for: the others take 20 kB."""
         both = [0, -1]
-        return Leg(self.cut, self.u[both], self.rotaries[both], self.joints[both])
+        return CutSegment(self.cut, self.u[both], self.rotaries[both], self.joints[both])
 
-    def shifted(self, machine: Machine, by: Rotaries) -> Leg:
+    def shifted(self, machine: Machine, by: Rotaries) -> CutSegment:
         """The same leg in other whole turns (rad) of the two rotaries."""
         joints = self.joints.copy()
         for i, turn_rad in zip(machine.rotary(), by, strict=False):
             joints[:, i] += turn_rad
-        return Leg(self.cut, self.u, self.rotaries + np.array(by), joints)
+        return CutSegment(self.cut, self.u, self.rotaries + np.array(by), joints)
 
 
 class Fields:
@@ -92,15 +92,15 @@ class Fields:
 class Option:
     """A train followed on one branch, in some whole turn; the legs are ``ends`` alone, or whole."""
 
-    legs: tuple[Leg, ...]
+    legs: tuple[CutSegment, ...]
     way: Way
 
-    def shifted(self, machine: Machine, by: Rotaries) -> list[Leg]:
+    def shifted(self, machine: Machine, by: Rotaries) -> list[CutSegment]:
         return [leg.shifted(machine, by) for leg in self.legs]
 
 
 def options(
-    fields: Fields, machine: Machine, near: Rotaries, voice: Voice, whole: bool = False
+    fields: Fields, machine: Machine, near: Rotaries, voice: Diagnostics, whole: bool = False
 ) -> list[Option]:
     """The train followed from each branch of its start; refuses where neither can be followed."""
     found = [_Followed(machine), _Followed(machine)]
@@ -126,7 +126,7 @@ def timed(found: Sequence[Option], machine: Machine, kinematics: Kinematics) -> 
     ]
 
 
-def _cut_s(legs: Sequence[Leg], machine: Machine, kinematics: Kinematics) -> float:
+def _cut_s(legs: Sequence[CutSegment], machine: Machine, kinematics: Kinematics) -> float:
     """About the time (s) of a train's cuts, which begin and end as fast as they may.
 
     At the feed, or at what the joints' limits leave of it; from place to place no faster than one of them
@@ -156,7 +156,7 @@ def _reachable(speeds: Sequence[float], gains: Sequence[float], ways: Sequence[f
     return found
 
 
-def _followed(fields: Fields, branch: int, near: Rotaries, voice: Voice) -> Iterator[Leg]:
+def _followed(fields: Fields, branch: int, near: Rotaries, voice: Diagnostics) -> Iterator[CutSegment]:
     for i, cut in enumerate(fields.cuts):
         try:
             if i:
@@ -166,8 +166,8 @@ def _followed(fields: Fields, branch: int, near: Rotaries, voice: Voice) -> Iter
             rotaries = found.follow(start)
         except BranchLost as lost:
             where = audit.at_place(cut, lost.u)
-            voice.refuse(cut.block.place, said("reach.lost", reason=Key(lost.reason), where=where))
-        leg = Leg(cut, found.u, rotaries, joints_on(cut.motion, found.u, rotaries, fields.kinematics))
+            voice.refuse(cut.block.place, message("reach.lost", reason=Key(lost.reason), where=where))
+        leg = CutSegment(cut, found.u, rotaries, joints_on(cut.motion, found.u, rotaries, fields.kinematics))
         near = leg.end
         yield leg
 
@@ -185,13 +185,13 @@ class _Followed:
     """A train as it is followed on one branch: its legs, and what they ask of the rotaries."""
 
     def __init__(self, machine: Machine) -> None:
-        self.legs: list[Leg] = []
+        self.legs: list[CutSegment] = []
         self.refusal: ProgramError | None = None
         self._machine = machine
         self._travel, self._negative, self._inside = 0.0, False, True
         self._low, self._high = np.full(2, np.inf), np.full(2, -np.inf)
 
-    def take(self, way: Iterator[Leg], whole: bool) -> None:
+    def take(self, way: Iterator[CutSegment], whole: bool) -> None:
         """The next leg, if there is one."""
         if self.refusal is not None:
             return

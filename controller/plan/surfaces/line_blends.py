@@ -25,10 +25,10 @@ from controller.geometry.placement import Blend
 from controller.geometry.vectors import angle_between, norm, subtract
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine
-from controller.messages import Key, Said, said
+from controller.messages import Key, Message, message
 from controller.motion.motions import ROW, SurfaceCut, ToolSpline
 from controller.plan.rotaries.branch import joints_along
-from controller.plan.stretch import Stretch, Voice, rotaries_of
+from controller.plan.stretch import Diagnostics, Stretch, rotaries_of
 from controller.plan.surfaces import audit, rates
 from controller.plan.surfaces.blending import (
     CLEAR_OF_POLE,
@@ -43,7 +43,7 @@ from controller.plan.surfaces.blending import (
 from controller.plan.surfaces.blends import End, Rounding, with_blend
 from controller.plan.surfaces.cuts import Cut, edge
 from controller.plan.surfaces.leads import Room, beyond
-from controller.plan.surfaces.legs import Leg
+from controller.plan.surfaces.legs import CutSegment
 from controller.plan.surfaces.links import cubics
 from controller.plan.surfaces.train import choose
 from controller.program.program import Modal, ProgramError
@@ -54,7 +54,7 @@ Follow = Callable[[SurfaceCut], Stretch | None]
 SHORTER = 0.75  # each blend that is tried is so much shorter than the one before
 LOOKED, OF_PATH = 25, 97  # places of the blend on either side, and of the programmed path
 SAME_AXIS = 1e-12  # axes and their rates that differ by less are alike
-LEAST_RATE = 0.2  # mm of the tip per mm of s: where a tip all but stands nothing is blended
+MIN_RATE = 0.2  # mm of the tip per mm of s: where a tip all but stands nothing is blended
 ROUNDING = Rounding.of(0.0594)
 
 
@@ -66,17 +66,17 @@ class Blended(NamedTuple):
     reach_mm: float
     deviates_mm: float
 
-    def told(self, name: str, before: Stretch) -> Said:
-        """That it runs on from the block before, called by the text of ``name``."""
+    def message(self, name: str, before: Stretch) -> Message:
+        """The message that it runs on from the block before, called by the text of ``name``."""
         costs = {"reach": self.reach_mm, "um": 1000.0 * self.deviates_mm}
-        return said("row.runs_on", name=Key(name), line=_last_line(before), **costs)
+        return message("row.runs_on", name=Key(name), line=_last_line(before), **costs)
 
 
 class Entered(NamedTuple):
     """A row that leads over into a train, and the train's cuts as they are followed then."""
 
     row: Stretch
-    legs: list[Leg]
+    legs: list[CutSegment]
 
 
 def _last_line(stretch: Stretch) -> int:
@@ -90,10 +90,10 @@ def onto(
     members: Sequence[Cut],
     machine: Machine,
     kinematics: Kinematics,
-    voice: Voice,
+    voice: Diagnostics,
 ) -> Entered | None:
     """The last stretch of a row and the train that it leads to; None where they do not meet so."""
-    first, legs = members[0], list[Leg]()
+    first, legs = members[0], list[CutSegment]()
     meeting, near = _meeting(row, modal, first, False, machine, kinematics), rotaries_of(row.end, kinematics)
     if meeting is None:
         return None
@@ -109,37 +109,37 @@ def onto(
     found = meeting.blended(follow)
     if found is None:
         return None
-    voice.tell(first.block.place, found.told("row.the_line", row))
+    voice.tell(first.block.place, found.message("row.the_line", row))
     return Entered(found.row, legs)
 
 
 def off(
-    legs: Sequence[Leg],
+    legs: Sequence[CutSegment],
     run: Sequence[Stretch],
     row: Stretch,
     modal: Modal,
     machine: Machine,
     kinematics: Kinematics,
-    voice: Voice,
+    voice: Diagnostics,
 ) -> Blended | None:
     """The last cut of a train and the first stretch of the row that begins at its end, led over."""
     found = _left(legs, run, row, modal, machine, kinematics)
     if found is not None:
-        voice.tell(row.place, found.told("row.the_block", run[-1]))
+        voice.tell(row.place, found.message("row.the_block", run[-1]))
     return found
 
 
 def departs(
-    legs: Sequence[Leg],
+    legs: Sequence[CutSegment],
     run: Sequence[Stretch],
     row: Sequence[Stretch],
     modal: Modal,
     machine: Machine,
     kinematics: Kinematics,
-) -> Said | str | None:
+) -> Message | str | None:
     """Why a row that begins so does not lead on from the last cut; None: it does, empty: it is not to."""
     if not row:
-        return said("row.unreached")
+        return message("row.unreached")
     meeting = _meeting(row[0], modal, legs[-1].cut, True, machine, kinematics)
     if meeting is None:
         return ""
@@ -149,11 +149,11 @@ def departs(
         Room.of(legs, False, machine, kinematics).reached(row[0]),
         legs[-1].cut.block.modal.blend_mm,
     )
-    return said("row.deeper", deeper=deeper, mm=most) if deeper > most else None
+    return message("row.deeper", deeper=deeper, mm=most) if deeper > most else None
 
 
 def _left(
-    legs: Sequence[Leg],
+    legs: Sequence[CutSegment],
     run: Sequence[Stretch],
     row: Stretch,
     modal: Modal,
@@ -229,14 +229,14 @@ class Meeting:
         return self._keeps(float(gap + tilt * self._height_mm), float(tilt))
 
     @property
-    def unmet(self) -> Said:
+    def unmet(self) -> Message:
         """Why no blend was found."""
         if self._longest_mm() < SHORTEST_MM:
-            return said("row.short", room=self._longest_mm())
+            return message("row.short", room=self._longest_mm())
         here, there = self._pose_rows()[1, :3], End.of(self.cut.motion, not self.leaves).rows[1, :3]
         turn = np.degrees(angle_between(tuple(here), tuple(there)))
         degrees = float(np.degrees(self.allowed.rad))
-        return said("row.turns", turn=float(turn), mm=self.allowed.mm, degrees=degrees)
+        return message("row.turns", turn=float(turn), mm=self.allowed.mm, degrees=degrees)
 
     def blended(self, follow: Follow) -> Blended | None:
         """The longest blend within the tolerance; ``follow`` gives a cut's motion as the joints follow it."""
@@ -245,7 +245,7 @@ class Meeting:
         if not (end.sound and np.isfinite(row).all()):
             return None
         own, of_cut = (float(np.linalg.norm(rows[1, :3])) for rows in (row, end.rows))
-        if min(own, of_cut) < LEAST_RATE:
+        if min(own, of_cut) < MIN_RATE:
             return None
         row *= _powers(of_cut / own)
         reach = self._longest_mm()

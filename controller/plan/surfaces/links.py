@@ -25,7 +25,7 @@ from controller.plan.stretch import Stretch
 from controller.plan.surfaces import rates
 from controller.plan.surfaces.cuts import Cut
 from controller.plan.surfaces.leads import MAX_TURN_RAD, POSES, End, Room, lead_feed, spline_of
-from controller.plan.surfaces.legs import Leg
+from controller.plan.surfaces.legs import CutSegment
 
 Array = npt.NDArray[np.float64]
 
@@ -54,7 +54,7 @@ def _alike(before: Cut, after: Cut) -> bool:
 
 
 def lay(
-    before: Sequence[Leg], after: Sequence[Leg], machine: Machine, kinematics: Kinematics
+    before: Sequence[CutSegment], after: Sequence[CutSegment], machine: Machine, kinematics: Kinematics
 ) -> Stretch | None:
     """The link furthest off the straight way that stays out of both trains and in travel, if there is one.
 

@@ -22,7 +22,7 @@ from controller.plan.stretch import Chain, Pause
 from controller.plan.surfaces.axis_curves import SMOOTH
 
 FORMAT = 3  # another one where the same numbers would mean another pose
-MOST = 20_000  # that are known at once, of 4 kB each at most
+MAX_PLACEMENTS = 20_000  # that are known at once, of 4 kB each at most
 NAME = 32  # letters
 Pair = tuple[float, float]
 
@@ -97,7 +97,7 @@ def learn(found: Mapping[str, Recipe]) -> None:
     for name, recipe in found.items():
         _known.pop(name, None)
         _known[name] = pickle.dumps(recipe, pickle.HIGHEST_PROTOCOL)
-    over = len(_known) - max(MOST, len(found))
+    over = len(_known) - max(MAX_PLACEMENTS, len(found))
     for name in list(_known)[:over] if over > 0 else ():
         _known.pop(name, None)
 

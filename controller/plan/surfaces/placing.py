@@ -37,7 +37,7 @@ HUNG_AT = (0.2, 0.8)  # of the ruling, upper and lower point
 CLEARLY = 0.5  # so much less off than ``double`` is surely less than the best pairs of smaller parts
 BELOW_UPPER = 0.02  # of the ruling: C0 may have a standstill or be a tip, where there is no normal
 GRID = (65, 11)  # as ``ALONG``, ``ACROSS``, where placements are chosen from
-LEAST_COSINE = 0.3  # of the way from a point to the axis and its normal
+MIN_COSINE = 0.3  # of the way from a point to the axis and its normal
 CHOSEN_FROM = (Strategy.SINGLE, Strategy.DOUBLE, Strategy.OPTIMAL)  # by ``auto``, the plainest first
 
 
@@ -115,7 +115,7 @@ def place(surface: Surface, cutter: Cutter, strategy: Strategy) -> Surface:
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
+class RequiredPlacement:
     """A placement that has to be searched: what ``Row.placed`` is asked."""
 
     row: Row
@@ -128,7 +128,7 @@ class Wanted:
         return self.row.known(self.strategy) is not None
 
 
-def searched(wanted: Wanted) -> Mapping[str, placements.Recipe]:
+def searched(wanted: RequiredPlacement) -> Mapping[str, placements.Recipe]:
     """What ``Row.placed`` finds, to be learnt, by name; the paper's placement has none."""
     try:
         placed = wanted.row.placed(wanted.strategy)
@@ -292,7 +292,7 @@ class Grid:
 
     def _along(self, left: Array, away: Array) -> Array:
         cosine = np.abs((self.normals * away).sum(axis=0))
-        return np.asarray(left / np.maximum(cosine, LEAST_COSINE))
+        return np.asarray(left / np.maximum(cosine, MIN_COSINE))
 
 
 def _cosine(n: int) -> Array:

@@ -40,7 +40,7 @@ SAME_AXIS_RAD = 4e-9  # a touch is one if the axis need not turn by more to be e
 HIT_RAD = 1e-13  # a contact of the first order that misses by less turns the rotary by nothing
 SAME_WAY_RAD = 1e-10  # where polynomials end inside a cut, by so much the rotary may jump
 CLEAR = 1e3  # times what is dropped: the least that counts as the contact's own coefficient
-LEAST = 1e-7  # of the axis: a contact flatter than that stands on the pole
+MIN_SLOPE = 1e-7  # of the axis: a contact flatter than that stands on the pole
 SAMPLES = 513
 NEAR_RAD = 0.05  # a sample of an axis that comes near: zoomed into
 BESIDE_RAD = 2e-3  # so near to the pole the rotary turns too quickly for samples that do not know
@@ -253,7 +253,7 @@ def _zero(part: _Part, size: float, highest: int, hit_rad: float) -> tuple[float
             own = float(c[order]) * width**order
             if order == 1 and dropped < hit_rad * size:
                 continue
-            if dropped <= SAME_AXIS_RAD * size and own >= max(LEAST * size, CLEAR * dropped):
+            if dropped <= SAME_AXIS_RAD * size and own >= max(MIN_SLOPE * size, CLEAR * dropped):
                 return u, order
     return None
 

@@ -17,14 +17,14 @@ import numpy.typing as npt
 
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine
-from controller.messages import Key, Said, chain, said
+from controller.messages import Key, Message, chain, message
 from controller.motion.motions import Rotaries
 from controller.plan.rotaries import winding
 from controller.plan.rotaries.turns import SAME_ROTARY_RAD
-from controller.plan.stretch import Voice
+from controller.plan.stretch import Diagnostics
 from controller.plan.surfaces import audit, blending, blends, passing, unwind
 from controller.plan.surfaces.cuts import SAME_RAD, Cut, apart, turn, turned, turned_axis
-from controller.plan.surfaces.legs import Fields, Leg, options, timed
+from controller.plan.surfaces.legs import CutSegment, Fields, options, timed
 
 Array = npt.NDArray[np.float64]
 
@@ -46,25 +46,25 @@ class Met(NamedTuple):
     """How two cuts meet, told of the first one, and both as they are cut: a blend changes them."""
 
     meeting: Meeting
-    told: Said
+    told: Message
     before: Cut
     after: Cut
 
 
-def meet(before: Cut, after: Cut, machine: Machine, kinematics: Kinematics, voice: Voice) -> Met:
+def meet(before: Cut, after: Cut, machine: Machine, kinematics: Kinematics, voice: Diagnostics) -> Met:
     """Whether two blocks run through, pivot or need a departure; refuses a concave corner."""
     met = _met(before, after, machine, kinematics, voice)
-    name = said("join.block", line=before.block.place.line)
+    name = message("join.block", line=before.block.place.line)
     if before.block is after.block:
         if met.meeting is Meeting.JOIN:
             return met
-        name = said("join.own_part", u=after.part[0])
-    told = Said(key=met.told["key"], values={**met.told["values"], "name": name})
+        name = message("join.own_part", u=after.part[0])
+    told = Message(key=met.told["key"], values={**met.told["values"], "name": name})
     voice.tell(after.block.place, told)
     return met
 
 
-def _met(before: Cut, after: Cut, machine: Machine, kinematics: Kinematics, voice: Voice) -> Met:
+def _met(before: Cut, after: Cut, machine: Machine, kinematics: Kinematics, voice: Diagnostics) -> Met:
     a, b = before.block.modal, after.block.modal
     differ = [
         Key(key)
@@ -76,7 +76,7 @@ def _met(before: Cut, after: Cut, machine: Machine, kinematics: Kinematics, voic
         if not same
     ]
     if differ:
-        return Met(Meeting.APART, said("join.differs", what=chain("and", differ)), before, after)
+        return Met(Meeting.APART, message("join.differs", what=chain("and", differ)), before, after)
     end, start = before.end, after.start
     gap, tilt = apart(end.contact, start.contact), apart(end.ruling, start.ruling)
     shared = tilt <= SAME_RAD and gap <= SAME_MM
@@ -90,10 +90,10 @@ def _met(before: Cut, after: Cut, machine: Machine, kinematics: Kinematics, voic
         return Met(Meeting.JOIN, _blended(joint, allowed), joint.before, joint.after)
     if agree:
         slowed = _slowed_at_kink(before, after, machine, kinematics)
-        return Met(Meeting.JOIN, said("join.agrees", slowed=slowed), before, after)
+        return Met(Meeting.JOIN, message("join.agrees", slowed=slowed), before, after)
     if shared:
         return Met(*_corner(before, after, allowed, voice), before, after)
-    told = said("join.elsewhere", gap=gap, tilt=math.degrees(tilt), allowed=_told(allowed))
+    told = message("join.elsewhere", gap=gap, tilt=math.degrees(tilt), allowed=_tolerance_message(allowed))
     return Met(Meeting.APART, told, before, after)
 
 
@@ -113,8 +113,8 @@ def _to_be_blended(
     return found is blending.Difference.ROUNDING
 
 
-def _blended(joint: blending.Joint, allowed: blending.Tolerance) -> Said:
-    return said(
+def _blended(joint: blending.Joint, allowed: blending.Tolerance) -> Message:
+    return message(
         "join.blended",
         degrees=math.degrees(joint.angle_rad),
         gap=joint.gap_mm,
@@ -124,19 +124,19 @@ def _blended(joint: blending.Joint, allowed: blending.Tolerance) -> Said:
     )
 
 
-def _slowed(joint: blending.Joint, allowed: blending.Tolerance) -> Said | str:
+def _slowed(joint: blending.Joint, allowed: blending.Tolerance) -> Message | str:
     """What a blend costs that the tolerance or the length of the cuts keeps short: a sentence, or nothing."""
     told = joint.slowed
     if told is None:
         return ""
     binds, crease = _binding(told), _crease(joint.crease_rad)
     if not joint.axis_too:
-        return said("join.slowed_at_pole", **binds)
+        return message("join.slowed_at_pole", **binds)
     key = "join.slowed" if joint.shortened else "join.slowed_between_short_cuts"
-    return said(key, crease=crease, mm=allowed.mm, **binds)
+    return message(key, crease=crease, mm=allowed.mm, **binds)
 
 
-def _slowed_at_kink(before: Cut, after: Cut, machine: Machine, kinematics: Kinematics) -> Said | str:
+def _slowed_at_kink(before: Cut, after: Cut, machine: Machine, kinematics: Kinematics) -> Message | str:
     """What it costs to run through exactly where the rates of the pose jump: a sentence, or nothing."""
     if before.block is after.block:
         return ""
@@ -144,23 +144,25 @@ def _slowed_at_kink(before: Cut, after: Cut, machine: Machine, kinematics: Kinem
     if slowest is None:
         return ""
     crease = _crease(blending.crease(before.motion, after.motion))
-    return said("join.slowed_at_kink", crease=crease, **_binding(slowest))
+    return message("join.slowed_at_kink", crease=crease, **_binding(slowest))
 
 
 def _binding(slowest: passing.Slowest) -> dict[str, Any]:
     return {"feed": 60.0 * slowest.mm_s, "axis": slowest.axis, "limit": Key(f"limit.{slowest.limit}")}
 
 
-def _crease(angle_rad: float) -> Said | str:
+def _crease(angle_rad: float) -> Message | str:
     along = math.degrees(angle_rad)
-    return said("join.crease", along=along) if along > CREASE_DEG else ""
+    return message("join.crease", along=along) if along > CREASE_DEG else ""
 
 
-def _told(allowed: blending.Tolerance) -> Said:
-    return said("join.tolerance", mm=allowed.mm, degrees=math.degrees(allowed.rad))
+def _tolerance_message(allowed: blending.Tolerance) -> Message:
+    return message("join.tolerance", mm=allowed.mm, degrees=math.degrees(allowed.rad))
 
 
-def _corner(before: Cut, after: Cut, allowed: blending.Tolerance, voice: Voice) -> tuple[Meeting, Said]:
+def _corner(
+    before: Cut, after: Cut, allowed: blending.Tolerance, voice: Diagnostics
+) -> tuple[Meeting, Message]:
     """Ends meet on one ruling, the normals differ.
 
     With the cutter on the right a turn to the left leads it round the outside of the
@@ -170,36 +172,36 @@ def _corner(before: Cut, after: Cut, allowed: blending.Tolerance, voice: Voice) 
     angle = turned(before.end, after.start)
     radius, degrees = after.tool.radius_mm, math.degrees(abs(angle))
     if abs(angle) > TURNED_BACK_RAD:
-        return Meeting.APART, said("join.turns_back")
-    hollow: Said | str = ""
+        return Meeting.APART, message("join.turns_back")
+    hollow: Message | str = ""
     least = radius * (1.0 - math.cos(angle)) if after.side * angle < 0.0 else 0.0
     if least > FLAT_MM or (least and allowed is not blending.EXACT):
         overcut = max(least, blends.overcut(before.motion, after.motion, angle))
         if least > FLAT_MM and (allowed is blending.EXACT or overcut > allowed.mm):
             figures = {"degrees": degrees, "radius": radius, "overcut": overcut}
             where = _where(before, after)
-            told = said("join.concave", where=where, allowed=_told(allowed), **figures)
+            told = message("join.concave", where=where, allowed=_tolerance_message(allowed), **figures)
             voice.refuse(after.block.place, told)
-        hollow = said("join.hollow", um=1000.0 * overcut) if overcut > FLAT_MM else ""
+        hollow = message("join.hollow", um=1000.0 * overcut) if overcut > FLAT_MM else ""
     tilt = math.degrees(apart(turned_axis(before.end, angle), after.start.axis))
-    tilts = said("join.tilts", tilt=tilt) if tilt > 1e-6 else ""
+    tilts = message("join.tilts", tilt=tilt) if tilt > 1e-6 else ""
     crease = _crease(blending.crease(before.motion, after.motion))
     whole = {"tilts": tilts, "reaches": _reached(before, after), "hollow": hollow, "crease": crease}
-    return Meeting.PIVOT, said("join.pivots", degrees=degrees, **whole)
+    return Meeting.PIVOT, message("join.pivots", degrees=degrees, **whole)
 
 
-def _reached(before: Cut, after: Cut) -> Said | str:
+def _reached(before: Cut, after: Cut) -> Message | str:
     """What a turn between two placements costs the surfaces that meet there."""
     way = turn(before, after)
     if way is None:
         return ""
-    return said("join.reaches", depth=audit.depth_in_turn(way, before, after))
+    return message("join.reaches", depth=audit.depth_in_turn(way, before, after))
 
 
-def _where(before: Cut, after: Cut) -> Said:
+def _where(before: Cut, after: Cut) -> Message:
     if before.block is after.block:
-        return said("join.parts_meet", u=after.part[0])
-    return said("join.blocks_meet", line=before.block.place.line)
+        return message("join.parts_meet", u=after.part[0])
+    return message("join.blocks_meet", line=before.block.place.line)
 
 
 def choose(
@@ -207,10 +209,10 @@ def choose(
     machine: Machine,
     kinematics: Kinematics,
     now: Rotaries,
-    voice: Voice,
+    voice: Diagnostics,
     wanted: Rotaries | None = None,
     within_rad: float = SAME_ROTARY_RAD,
-) -> list[Leg]:
+) -> list[CutSegment]:
     """The legs of a train from the rotaries ``wanted``, which were chosen over the whole program.
 
     Without them, or where they do not fit, for the train alone: the branch on which its cuts are faster,
@@ -235,7 +237,7 @@ def choose(
 
 
 def trains(
-    ready: Sequence[Cut], machine: Machine, kinematics: Kinematics, voice: Voice
+    ready: Sequence[Cut], machine: Machine, kinematics: Kinematics, voice: Diagnostics
 ) -> Iterator[tuple[list[Cut], list[Meeting]]]:
     """Rows of cuts that run through, with how each follows the one before."""
     members, meetings = [ready[0]], list[Meeting]()

@@ -17,18 +17,18 @@ import numpy.typing as npt
 
 from controller.geometry.vectors import ROUNDING
 from controller.machine.model import Axis, Machine
-from controller.messages import Said, said
+from controller.messages import Message, message
 from controller.motion.motions import Rotaries
 from controller.plan.rotaries.turns import TURN
 from controller.plan.rotaries.winding import RankKey, Way
-from controller.plan.stretch import Voice
+from controller.plan.stretch import Diagnostics
 from controller.plan.surfaces import audit
-from controller.plan.surfaces.legs import Leg, Option
+from controller.plan.surfaces.legs import CutSegment, Option
 
 Array = npt.NDArray[np.float64]
 
 
-def refuse(options: Sequence[Option], machine: Machine, now: Rotaries, voice: Voice) -> NoReturn:
+def refuse(options: Sequence[Option], machine: Machine, now: Rotaries, voice: Diagnostics) -> NoReturn:
     """Refuse a train that leaves the travel on every branch, shown where it gets farthest."""
     legs = _farthest_legs(options, machine, now)
     for i, leg in enumerate(legs):
@@ -41,9 +41,9 @@ def refuse(options: Sequence[Option], machine: Machine, now: Rotaries, voice: Vo
     raise AssertionError("a train was refused for its travel but is inside")
 
 
-def _farthest_legs(options: Sequence[Option], machine: Machine, now: Rotaries) -> list[Leg]:
+def _farthest_legs(options: Sequence[Option], machine: Machine, now: Rotaries) -> list[CutSegment]:
     """The branch and turns in which the most samples come before the first outside of travel."""
-    found: list[tuple[int, RankKey, int, list[Leg]]] = []
+    found: list[tuple[int, RankKey, int, list[CutSegment]]] = []
     for option in options:
         for by in _shifts(option.way, machine):
             legs = option.shifted(machine, by)
@@ -63,7 +63,7 @@ def _shifts(way: Way, machine: Machine) -> Iterator[Rotaries]:
         yield a * TURN, b * TURN
 
 
-def _inside(legs: Sequence[Leg], machine: Machine) -> int:
+def _inside(legs: Sequence[CutSegment], machine: Machine) -> int:
     """Samples before the first outside of travel."""
     low, high = (np.array([getattr(a, name) for a in machine.axes]) for name in ("travel_min", "travel_max"))
     count = 0
@@ -83,17 +83,17 @@ def start_in_travel(axis: Axis, start: float, low: float, high: float) -> float 
     return start + TURN * min(max(0, first), last) if first <= last else None
 
 
-def offer(axis: Axis, start: float, low: float, high: float) -> Said:
+def offer(axis: Axis, start: float, low: float, high: float) -> Message:
     """Advice for a move whose rotary leaves its travel between ``low`` and ``high`` (rad)."""
     better = start_in_travel(axis, start, low, high)
     return audit.MOVE if better is None else _first(axis, better)
 
 
-def _first(axis: Axis, start: float) -> Said:
-    return said("travel.unwind", axis=axis.name, at=start * axis.shown_per_unit)
+def _first(axis: Axis, start: float) -> Message:
+    return message("travel.unwind", axis=axis.name, at=start * axis.shown_per_unit)
 
 
-def _advice(legs: Sequence[Leg], i: int, index: int, machine: Machine) -> Said:
+def _advice(legs: Sequence[CutSegment], i: int, index: int, machine: Machine) -> Message:
     """What to do about a rotary that leaves its travel in leg ``i`` of a train."""
     axis, block = machine.axes[index], legs[i].cut.block
     first = next(k for k, leg in enumerate(legs) if leg.cut.block is block)
@@ -107,12 +107,12 @@ def _advice(legs: Sequence[Leg], i: int, index: int, machine: Machine) -> Said:
     return _split(legs[first:behind], index, axis)
 
 
-def _range(legs: Sequence[Leg], index: int) -> tuple[float, float]:
+def _range(legs: Sequence[CutSegment], index: int) -> tuple[float, float]:
     ends = [audit.extremes(leg.u, leg.joints[:, index : index + 1]) for leg in legs]
     return min(float(e[0][0]) for e in ends), max(float(e[2][0]) for e in ends)
 
 
-def _split(legs: Sequence[Leg], index: int, axis: Axis) -> Said:
+def _split(legs: Sequence[CutSegment], index: int, axis: Axis) -> Message:
     """Where to split a block that turns farther than the travel, and where its second part begins."""
     low, high = _range(legs, index)
     k = abs(axis.shown_per_unit)
@@ -122,8 +122,8 @@ def _split(legs: Sequence[Leg], index: int, axis: Axis) -> Said:
     rest, start = _farthest(values[at:], axis)
     then = audit.MOVE
     if at > 0 and rest > 0 and abs(start - values[at]) >= 1e-6:
-        then = said("travel.split", axis=axis.name, u=float(u[at]), start=start * axis.shown_per_unit)
-    return said("travel.turns", axis=axis.name, turned=(high - low) * k, then=then)
+        then = message("travel.split", axis=axis.name, u=float(u[at]), start=start * axis.shown_per_unit)
+    return message("travel.turns", axis=axis.name, turned=(high - low) * k, then=then)
 
 
 def _farthest(values: Array, axis: Axis) -> tuple[int, float]:

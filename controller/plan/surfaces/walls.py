@@ -29,7 +29,7 @@ from controller.program.program import Block, CutBlock
 Array = npt.NDArray[np.float64]
 
 SPACING_MM = 0.4  # of the points, along and across
-MOST = (2001, 201)  # of them, along and across
+MAX_SAMPLES = (2001, 201)  # of them, along and across
 COARSE = (65, 3)  # points that tell where a wall is
 STEP_MM, STEP_RAD = 0.5, math.radians(0.5)  # between poses that are looked at
 LEAD_POSES = 49  # of anything but a straight way
@@ -66,7 +66,7 @@ class Wall:
         lengths = float(self._along.sum(axis=0).max()), float(self._across.sum(axis=1).max())
         along, across = (
             min(most, max(least, 2 + int(length / SPACING_MM)))
-            for length, least, most in zip(lengths, COARSE, MOST, strict=True)
+            for length, least, most in zip(lengths, COARSE, MAX_SAMPLES, strict=True)
         )
         return self._points(along, across)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from controller.messages import said, text
+from controller.messages import message, text
 
 ROUND_MM = 0.005  # by which R may be too small for its end (rounded words)
 # By which start and end may differ in their distance from a centre, as LinuxCNC has it: what words of
@@ -21,7 +21,7 @@ class NoCircleError(ValueError):
     """Why the words make no arc."""
 
     def __init__(self, key: str, **values: float) -> None:
-        self.said = said(key, **values)
+        self.said = message(key, **values)
         super().__init__(text(self.said))
 
 

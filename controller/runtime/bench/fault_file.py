@@ -21,7 +21,7 @@ from controller.machine.model import Machine
 from drives import pdo
 from drives.bench.virtual.fault_script import MASTER, Action, FaultScript, Injection, ScriptError, parse
 from drives.bench.virtual.virtual_bus import SteppedBus
-from drives.texts import said
+from drives.texts import message
 
 NODE_BITS = 0x7F  # of an identifier (CiA 301, 7.3.5)
 OF_IDENTIFIERS = ("babble", "foreign")  # these begin to send
@@ -77,7 +77,7 @@ class MachineScript:
                     found.append(Aimed(*_aimed(words, stations, buses), number))
             except ScriptError as error:
                 own = error.said["values"]["why"] if error.said["key"] == "script.line" else error.said
-                raise ScriptError(said("script.line", line=number, why=own)) from None
+                raise ScriptError(message("script.line", line=number, why=own)) from None
         return MachineScript(tuple(found), seeds[-1] if seeds else 0)
 
     @staticmethod
@@ -86,9 +86,9 @@ class MachineScript:
         try:
             return MachineScript.read(path.read_text(encoding="utf-8"), machine)
         except UnicodeDecodeError as error:
-            raise ScriptError(said("script.no_text", path=path, start=error.start)) from None
+            raise ScriptError(message("script.no_text", path=path, start=error.start)) from None
         except ScriptError as error:
-            raise ScriptError(said("script.file", file=path, why=error)) from None
+            raise ScriptError(message("script.file", file=path, why=error)) from None
 
     def inject(self, buses: Mapping[str, SteppedBus], after_s: float = 0.0) -> Injected:
         """Have them happen on the machine's buses; times and SYNCs count from ``after_s`` on."""
@@ -145,14 +145,14 @@ def _aimed(words: str, stations: Sequence[Station], buses: Sequence[str]) -> tup
     node = _node_of(injection)
     if named is not None:
         if on not in ("", named.bus):
-            raise ScriptError(said("script.other_bus", name=named.name, bus=named.bus, on=on))
+            raise ScriptError(message("script.other_bus", name=named.name, bus=named.bus, on=on))
         return named.bus, injection
     here = [s for s in stations if s.node == node and on in ("", s.bus)]
     must = injection.node is not None and injection.node != MASTER
     if must and not here:
         ids = ", ".join(f"{s.node} ({s.name})" for s in stations if on in ("", s.bus))
         key = "script.not_on_bus" if on else "script.not_on_machine"
-        raise ScriptError(said(key, node=node, bus=on, known=ids))
+        raise ScriptError(message(key, node=node, bus=on, known=ids))
     if on or len(buses) == 1:
         return on or buses[0], injection
     if len({s.bus for s in here}) != 1:
@@ -165,10 +165,10 @@ def _on(words: str, buses: Sequence[str]) -> tuple[str, str]:
     found = re.match(r"on\s+([^\s:]+)\s*:\s*", words)
     if found is None:
         if re.match(r"on\b", words):
-            raise ScriptError(said("script.on", words=words, bus=buses[0]))
+            raise ScriptError(message("script.on", words=words, bus=buses[0]))
         return "", words
     if found[1] not in buses:
-        raise ScriptError(said("script.no_bus", bus=found[1], names=", ".join(buses)))
+        raise ScriptError(message("script.no_bus", bus=found[1], names=", ".join(buses)))
     return found[1], words[found.end() :]
 
 
@@ -201,5 +201,5 @@ def _node_of(injection: Injection) -> int:
 def _refuse_bus(node: int, here: Sequence[Station], buses: Sequence[str]) -> NoReturn:
     if len(here) > 1:
         names, on = ", ".join(s.name for s in here), ", ".join(s.bus for s in here)
-        raise ScriptError(said("script.which_axis", node=node, on=on, names=names, bus=here[0].bus))
-    raise ScriptError(said("script.several_buses", bus=buses[0], names=", ".join(buses)))
+        raise ScriptError(message("script.which_axis", node=node, on=on, names=names, bus=here[0].bus))
+    raise ScriptError(message("script.several_buses", bus=buses[0], names=", ".join(buses)))

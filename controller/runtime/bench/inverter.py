@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from controller.ipc.inverter_slot import InverterSlot, Reported, Wanted
+from controller.ipc.inverter_slot import Commanded, InverterSlot, Reported
 from controller.machine.spindle import Spindle
 from drives.bench.simulated.inverter import Ramp
 
@@ -20,7 +20,7 @@ class SimulatedInverter:
         self.fault = False
         self._resets: int | None = None
 
-    def exchange(self, wanted: Wanted) -> Reported:
+    def exchange(self, wanted: Commanded) -> Reported:
         if self._resets not in (None, wanted.resets):
             self.fault = False
         self._resets = wanted.resets
@@ -44,4 +44,4 @@ class SteppedInverter:
         if self._now() < self._next_s or self.mute:
             return
         self._next_s = self._now() + ANSWER_S
-        self.slot.report(self.inverter.exchange(self.slot.wanted()[0]))
+        self.slot.report(self.inverter.exchange(self.slot.commanded()[0]))

@@ -286,7 +286,7 @@ class Sight:
     def _standstill(self, fault: Raised) -> dict[str, object]:
         """When the machine stood, and each axis, in ticks and in ms after the fault; null = it did not."""
 
-        def told(tick: int | None) -> dict[str, object] | None:
+        def to_json(tick: int | None) -> dict[str, object] | None:
             if tick is None:
                 return None
             after_ms = 1e3 * max(0, tick - fault.tick) * self.machine.period_s
@@ -294,6 +294,6 @@ class Sight:
 
         ticks = self.stood()
         stand = [tick for tick in ticks if tick is not None]
-        whole = told(max(stand)) if len(stand) == len(ticks) else None
-        by_axis = {axis.name: told(tick) for axis, tick in zip(self.machine.axes, ticks, strict=True)}
+        whole = to_json(max(stand)) if len(stand) == len(ticks) else None
+        by_axis = {axis.name: to_json(tick) for axis, tick in zip(self.machine.axes, ticks, strict=True)}
         return {**(whole or {"tick": None, "after_ms": None}), "axes": by_axis}

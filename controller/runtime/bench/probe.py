@@ -46,7 +46,7 @@ from drives.bench.simulated.drive import SimulatedDrive
 
 NEAR_MM = 0.2  # nearer than that the direction of the contact is looked at
 EXACT_MM = 1e-8
-MOST_STEPS = 60
+MAX_STEPS = 60
 SETTER_MM = 30.0  # so far down the side of a tool setter is
 
 
@@ -327,7 +327,7 @@ def _root(gap: Callable[[float], float], end: float) -> float:
     at_low, at_high = gap(0.0), end
     if (at_low <= 0.0) == (at_high <= 0.0):
         return 0.0
-    for _ in range(MOST_STEPS):
+    for _ in range(MAX_STEPS):
         share = low + (high - low) * at_low / (at_low - at_high)
         share = min(max(share, low + 0.01 * (high - low)), high - 0.01 * (high - low))
         here = gap(share)

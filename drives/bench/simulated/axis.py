@@ -43,7 +43,7 @@ class Axis(PowerStage):
         self._alive = alive
         self._faulted = faulted
         self.stops = Stops(self)
-        self.sensors.probes.told = self.units.told_position
+        self.sensors.probes.told = self.units.reported_position
         self.sensors.interlock = lambda: self.sto
         self.mode = 0
         self._law: Mode = Mode(self)
@@ -73,7 +73,7 @@ class Axis(PowerStage):
             frequency_hz = nature.frequency_hz * nature.stiffness
             self.servo.tune(period_s, frequency_hz, nature.damping, nature.feed_forward)
         self.brake.scale = scale = self.units.scale
-        self.servo.limit(self.parameters.strongest_counts_s2 * scale, self.fastest_told())
+        self.servo.limit(self.parameters.strongest_counts_s2 * scale, self.speed_limit())
         law = self._law
         if isinstance(law, CyclicPosition) and self.follows and law.limits != (self.generator is not None):
             self.generator = law.begin()

@@ -22,7 +22,7 @@ from drives.bench.virtual.hub import Gateway, SyncLog
 from drives.bench.virtual.kernel_time import NOTE_BYTES, KernelTime, woken
 from drives.bench.virtual.virtual_bus import SteppedBus
 from drives.pdo import FRAME_BYTES
-from drives.texts import TextError, said
+from drives.texts import TextError, message
 
 RECEIVE_BYTES = 1 << 20  # room for what comes while this process sleeps
 MAX_WAITING = 1024  # frames that a full transmit queue may keep here; the oldest go first
@@ -37,12 +37,12 @@ def open_interface(channel: str) -> socket.socket:
     try:
         raw = socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)
     except OSError as error:
-        raise InterfaceError(said("bus.bridge_no_can", channel=channel, why=error)) from error
+        raise InterfaceError(message("bus.bridge_no_can", channel=channel, why=error)) from error
     try:
         raw.bind((channel,))
     except OSError as error:
         raw.close()
-        raise InterfaceError(said("bus.bridge_interface", channel=channel, why=error)) from error
+        raise InterfaceError(message("bus.bridge_interface", channel=channel, why=error)) from error
     return raw
 
 

@@ -143,9 +143,9 @@ class NodeGuard:
         station = self._station
         if station.dictionary.values[key(0x1017)]:
             return {}
-        return {pdo.REMOTE_FLAG | pdo.HEARTBEAT + station.node: self._asked}
+        return {pdo.REMOTE_FLAG | pdo.HEARTBEAT + station.node: self._on_remote_request}
 
-    def _asked(self, _frame: bytes, now_s: float) -> None:
+    def _on_remote_request(self, _frame: bytes, now_s: float) -> None:
         station = self._station
         if station.nmt == INITIALISING:
             return

@@ -194,10 +194,10 @@ class Search:
         """The demand for the end of the next period."""
         self._look()
         change = self._pace.acceleration * self._period_s
-        self._speed += max(-change, min(change, self._wanted() - self._speed))
+        self._speed += max(-change, min(change, self._target_speed() - self._speed))
         return self._servo.end + self._speed * self._period_s
 
-    def _wanted(self) -> float:
+    def _target_speed(self) -> float:
         method, pace = self._method, self._pace
         if self._phase is Phase.SEEK:
             return pace.fast * self._way

@@ -190,7 +190,7 @@ class Interpolated(Mode):
 
     def begin(self) -> Demand | None:
         self.axis.records.clear()
-        self.axis.dictionary.values[0x60C1_01] = self.axis.units.told_position(self.axis.actual())
+        self.axis.dictionary.values[0x60C1_01] = self.axis.units.reported_position(self.axis.actual())
         self._switch(self.axis.controlword)
         return self._demand
 

@@ -84,7 +84,7 @@ class ProcessData:
         heard: dict[int, Handler] = {pdo.can_id: partial(self.receive, pdo) for pdo in self._incoming}
         for out in self.outgoing:
             if out.pdo.remote:
-                heard[REMOTE_FLAG | out.pdo.can_id] = partial(self._asked, out)
+                heard[REMOTE_FLAG | out.pdo.can_id] = partial(self._on_remote_request, out)
         return heard
 
     def start(self, now_s: float) -> None:
@@ -163,7 +163,7 @@ class ProcessData:
         out.syncs += 1
         return out.syncs % kind == 0
 
-    def _asked(self, out: Outgoing, _frame: bytes, now_s: float) -> None:
+    def _on_remote_request(self, out: Outgoing, _frame: bytes, now_s: float) -> None:
         """A remote request."""
         if self._station.nmt != OPERATIONAL:
             return

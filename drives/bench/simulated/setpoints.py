@@ -47,8 +47,8 @@ class Setpoints(ABC):
     def time_out(self, now_s: float) -> None:
         """Interpolation time-out: a drive that follows setpoints stops by itself."""
 
-    def fastest_told(self) -> float:
-        """The motor's speed limit: its own, or what 607Fh or 6080h tell (0 and FFFFFFFFh: nothing)."""
+    def speed_limit(self) -> float:
+        """The motor's speed limit: its own, or that of 607Fh or 6080h (0 and FFFFFFFFh: nothing)."""
         told = [self.units.speed_at(index) for index in SPEED_LIMITS]
         limits = [speed for speed in told if speed not in (0, NO_LIMIT)]
         return min(self.parameters.fastest_counts_s * self.units.scale, *limits, math.inf)

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 from drives.bench.simulated.servo import STEP_S, Servo
 
-LEAST_REV_S = 0.5  # slower than this it does not cut
+MIN_REV_S = 0.5  # slower than this it does not cut
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +40,7 @@ class SpindleMotor(Servo):
     def feel(self, power_rev_s: float, rated_counts_s2: float, counts_per_rev: float) -> None:
         """A chip that takes power, in rated torques times rev/s: the slower it turns, the more torque."""
         rev_s = abs(self.velocity) / counts_per_rev
-        self.cutting = rated_counts_s2 * power_rev_s / rev_s if rev_s > LEAST_REV_S else 0.0
+        self.cutting = rated_counts_s2 * power_rev_s / rev_s if rev_s > MIN_REV_S else 0.0
 
     def step(self, next_end: float) -> None:
         """One period at the demand's speed, in the short steps of the controller."""

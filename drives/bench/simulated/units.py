@@ -164,12 +164,12 @@ class Units:
 
     # -- to the dictionary
 
-    def told_position(self, increments: float) -> int:
-        """As 6064h has it."""
+    def reported_position(self, increments: float) -> int:
+        """The position as 6064h reports it."""
         return max(INT32_MIN, min(INT32_MAX, round(increments if self.plain else increments * self.position)))
 
-    def told_velocity(self, increments_s: float) -> int:
-        """As 606Ch has it."""
+    def reported_velocity(self, increments_s: float) -> int:
+        """The velocity as 606Ch reports it."""
         return max(INT32_MIN, min(INT32_MAX, round(increments_s * self.velocity)))
 
 

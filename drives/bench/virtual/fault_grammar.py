@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from drives import pdo
 from drives.bench.virtual.fault_kinds import MASTER, Action, Injection, ScriptError, When
-from drives.texts import said
+from drives.texts import message
 
 UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
 MEANINGS = {
@@ -41,15 +41,15 @@ def parse(line: str) -> Injection:
     """One line without its comment. Raises ScriptError."""
     head, colon, rest = line.partition(":")
     if not colon:
-        raise ScriptError(said("script.no_colon", line=line))
+        raise ScriptError(message("script.no_colon", line=line))
     tokens = iter(rest.split())
     name = next(tokens, "")
     actions = {action.value: action for action in Action}
     if name not in actions:
-        raise ScriptError(said("script.no_fault", name=name, names=", ".join(actions)))
+        raise ScriptError(message("script.no_fault", name=name, names=", ".join(actions)))
     injection = Injection(actions[name], when=_when(head))
     injection = _aimed(injection, tokens)
-    injection = _told(injection, tokens)
+    injection = _with_words(injection, tokens)
     return _complete(injection)
 
 
@@ -59,13 +59,13 @@ def _when(head: str) -> When:
         return When(sync=int(words[2]))
     if words[:1] == ["at"] and len(words) > 1 and words[1] != "sync":
         return When(at_s=_seconds(" ".join(words[1:])))
-    raise ScriptError(said("script.when", head=head.strip()))
+    raise ScriptError(message("script.when", head=head.strip()))
 
 
 def _seconds(text: str) -> float:
     found = re.fullmatch(r"(\d+\.?\d*|\.\d+)\s*(s|ms|us)", text)
     if found is None:
-        raise ScriptError(said("script.time", text=text))
+        raise ScriptError(message("script.time", text=text))
     return float(found[1]) * UNITS[found[2]]
 
 
@@ -79,29 +79,29 @@ def _aimed(injection: Injection, tokens: Iterator[str]) -> Injection:
             return replace(injection, can_id=MEANINGS[word] + _node(next(tokens, "")))
         if not re.fullmatch(r"[0-9A-Fa-f]{1,3}", word) or int(word, 16) > 0x7FF:
             names = "sync, rpdo 3, tpdo 3, heartbeat 3, emcy 3"
-            raise ScriptError(said("script.identifier", word=word, names=names))
+            raise ScriptError(message("script.identifier", word=word, names=names))
         return replace(injection, can_id=int(word, 16))
     if word == "master":
         if injection.action is Action.NODE_RESET:
-            raise ScriptError(said("script.master_reset"))
+            raise ScriptError(message("script.master_reset"))
         if injection.action not in OF_THE_MASTER:
-            raise ScriptError(said("script.not_the_master", action=injection.action.value))
+            raise ScriptError(message("script.not_the_master", action=injection.action.value))
         return replace(injection, node=MASTER)
     return replace(injection, node=_node(word))
 
 
 def _node(word: str) -> int:
     if not word.isdecimal() or not 1 <= int(word) <= 127:
-        raise ScriptError(said("script.node", word=word))
+        raise ScriptError(message("script.node", word=word))
     return int(word)
 
 
-def _told(injection: Injection, tokens: Iterator[str]) -> Injection:
-    """The words behind the target, each at most once."""
+def _with_words(injection: Injection, tokens: Iterator[str]) -> Injection:
+    """The injection with the words after its target, each at most once. Raises ScriptError."""
     seen: set[str] = set()
     for word in tokens:
         if word in seen:
-            raise ScriptError(said("script.twice", word=word))
+            raise ScriptError(message("script.twice", word=word))
         seen.add(word)
         injection = _with_word(injection, word, tokens)
     counts = injection.action.of_frames or injection.action is Action.FOREIGN
@@ -116,7 +116,7 @@ def _with_value(injection: Injection, word: str, tokens: Iterator[str]) -> Injec
     if word == "to" and action is Action.WEAK:
         share = next(tokens, "")
         if not share.endswith("%") and next(tokens, "") != "%":
-            raise ScriptError(said("script.percent", share=share))
+            raise ScriptError(message("script.percent", share=share))
         return replace(injection, value=_whole(share.rstrip("%"), 1, 100, "to"))
     if word == "to" and action is Action.MODE:
         return replace(injection, value=_signed(next(tokens, ""), -128, 127, "to"))
@@ -150,9 +150,9 @@ def _with_word(injection: Injection, word: str, tokens: Iterator[str]) -> Inject
     if word == "byte" and action is Action.FALSIFY:
         byte = _whole(next(tokens, ""), 0, 7, "byte")
         if next(tokens, "") != "xor":
-            raise ScriptError(said("script.xor"))
+            raise ScriptError(message("script.xor"))
         return replace(injection, byte=byte, mask=_mask(next(tokens, "")))
-    raise ScriptError(said("script.word", word=word, action=action.value))
+    raise ScriptError(message("script.word", word=word, action=action.value))
 
 
 def _time_words(tokens: Iterator[str]) -> float:
@@ -163,31 +163,31 @@ def _time_words(tokens: Iterator[str]) -> float:
 
 def _whole(word: str, low: int, high: int, what: str) -> int:
     if not word.isdecimal() or not low <= int(word) <= high:
-        raise ScriptError(said("script.whole", word=word, what=what, low=low, high=high))
+        raise ScriptError(message("script.whole", word=word, what=what, low=low, high=high))
     return int(word)
 
 
 def _signed(word: str, low: int, high: int, what: str) -> int:
     if not re.fullmatch(r"[+-]?\d+", word) or not low <= int(word) <= high:
-        raise ScriptError(said("script.whole", word=word, what=what, low=low, high=high))
+        raise ScriptError(message("script.whole", word=word, what=what, low=low, high=high))
     return int(word)
 
 
 def _bytes(word: str) -> bytes:
     if not re.fullmatch(r"([0-9A-Fa-f]{2}){1,8}", word):
-        raise ScriptError(said("script.data", word=word))
+        raise ScriptError(message("script.data", word=word))
     return bytes.fromhex(word)
 
 
 def _odds(word: str) -> float:
     if not re.fullmatch(r"0?\.\d+|1|1\.0*|0", word):
-        raise ScriptError(said("script.odds", word=word))
+        raise ScriptError(message("script.odds", word=word))
     return float(word)
 
 
 def _mask(word: str) -> int:
     if not re.fullmatch(r"[0-9A-Fa-f]{2}", word):
-        raise ScriptError(said("script.mask", word=word))
+        raise ScriptError(message("script.mask", word=word))
     return int(word, 16)
 
 
@@ -195,14 +195,14 @@ def _complete(injection: Injection) -> Injection:
     """What an action cannot do without."""
     action = injection.action
     if action is Action.DELAY and not injection.delay_s:
-        raise ScriptError(said("script.delay"))
+        raise ScriptError(message("script.delay"))
     if action is Action.BABBLE and not injection.duration_s:
-        raise ScriptError(said("script.babble"))
+        raise ScriptError(message("script.babble"))
     if action is Action.QUEUE_FULL and not injection.duration_s:
-        raise ScriptError(said("script.queue_full"))
+        raise ScriptError(message("script.queue_full"))
     if action is Action.FALSIFY and not injection.mask:
-        raise ScriptError(said("script.falsify"))
+        raise ScriptError(message("script.falsify"))
     lacks = action is Action.WRITE and (injection.value is None or not injection.word)
     if lacks or (action in NEEDS and injection.value is None and not injection.word):
-        raise ScriptError(said(NEEDS[action], words=", ".join(WORDS.get(action, ()))))
+        raise ScriptError(message(NEEDS[action], words=", ".join(WORDS.get(action, ()))))
     return injection

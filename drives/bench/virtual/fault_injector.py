@@ -16,7 +16,7 @@ from drives.bench.virtual.fault_kinds import Action, Injection, ScriptError
 from drives.bench.virtual.fault_nodes import Nodes
 from drives.bench.virtual.virtual_bus import Fate, SteppedBus
 from drives.pdo import DATA_AT
-from drives.texts import said
+from drives.texts import message
 
 ROUNDING_S = 1e-6  # a frame takes longer
 REMEMBERING = (Action.REPEAT, Action.FOREIGN)
@@ -62,7 +62,7 @@ class Injector:
         self._untouchable: set[int] = set()  # sequences of frames that have had their share
         self._nodes = Nodes(bus, self.silent, self._seen)
         if bus.faults is not None:
-            raise ScriptError(said("script.bus_has_faults"))
+            raise ScriptError(message("script.bus_has_faults"))
         bus.faults = self
 
     def add(self, injection: Injection) -> None:

@@ -9,7 +9,7 @@ from typing import Protocol, cast
 from drives import pdo
 from drives.bench.virtual.fault_kinds import MASTER, Action, Injection, ScriptError
 from drives.bench.virtual.virtual_bus import Node, SteppedBus
-from drives.texts import said
+from drives.texts import message
 
 BABBLE_EVERY_S = 135e-6  # a frame of eight bytes at 1 Mbit/s, where the bus has no bit timing of its own
 FOREIGN_EVERY_S = 1e-3
@@ -90,7 +90,7 @@ class Nodes:
             return
         device = self._bus.device(self._source(injection.node))
         if injection.action.of_drives and not hasattr(device, "jam"):
-            raise ScriptError(said("script.no_drive", node=injection.node, action=injection.action.value))
+            raise ScriptError(message("script.no_drive", node=injection.node, action=injection.action.value))
         if injection.action is Action.SECOND and injection.node not in self._twins:
             twin = self._twins[injection.node] = cast(Motorised, device).twin()
             self._bus.attach(twin)
@@ -239,4 +239,4 @@ class Nodes:
         try:
             return self._bus.source_of(node_id)
         except KeyError:
-            raise ScriptError(said("script.not_on_this_bus", node_id=node_id)) from None
+            raise ScriptError(message("script.not_on_this_bus", node_id=node_id)) from None

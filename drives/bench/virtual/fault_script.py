@@ -45,7 +45,7 @@ from typing import TYPE_CHECKING
 
 from drives.bench.virtual.fault_grammar import parse
 from drives.bench.virtual.fault_kinds import MASTER, Action, Injection, ScriptError, When
-from drives.texts import said
+from drives.texts import message
 
 if TYPE_CHECKING:
     from drives.bench.virtual.fault_injector import Injector
@@ -73,7 +73,7 @@ class FaultScript:
                 elif words:
                     found.append(parse(words))
             except ScriptError as error:
-                raise ScriptError(said("script.line", line=number, why=error)) from None
+                raise ScriptError(message("script.line", line=number, why=error)) from None
         return FaultScript(tuple(found), seed)
 
     def inject(self, bus: SteppedBus, origin_s: float = 0.0) -> Injector:
@@ -92,5 +92,5 @@ class FaultScript:
 def _seed(words: str) -> int:
     found = re.fullmatch(r"seed\s+(\d+)", words)
     if found is None:
-        raise ScriptError(said("script.seed", words=words))
+        raise ScriptError(message("script.seed", words=words))
     return int(found[1])

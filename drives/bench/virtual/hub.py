@@ -42,9 +42,9 @@ from drives.bench.virtual.virtual_bus import STANDARD_MASK, SteppedBus
 from drives.pdo import FRAME_BYTES
 from drives.ports import hub_protocol
 from drives.ports.error_frames import overflow_frame
-from drives.ports.hub_protocol import FILTERED, GATHER_S, MOST_FRAMES, TIMED, lost_frame
+from drives.ports.hub_protocol import FILTERED, GATHER_S, MAX_FRAMES, TIMED, lost_frame
 
-PACKET_BYTES = hub_protocol.MOST_SENT * FRAME_BYTES
+PACKET_BYTES = hub_protocol.MAX_SENT * FRAME_BYTES
 # Deliveries may be this late in favour of fewer wake-ups: a tick reads its frames once per
 # period, and modelled times are not touched by it.
 TIMEOUT_S = 100e-6
@@ -52,7 +52,7 @@ STILL_S = 0.2  # nothing new for so long: nothing moves
 STILL_LOOK_S = 0.02  # being woken, with cold caches, costs as much as some four periods of five drives
 SAID_AHEAD_LOOK = 2.5  # periods behind the last SYNC said ahead: the next ones are there by then
 STOP_LOOK_S = 0.1  # a hub that nobody speaks to asks whether it is to go on
-MOST_AHEAD_S = 1.0  # that a client may say what is to be sent
+MAX_AHEAD_S = 1.0  # that a client may say what is to be sent
 SLOWEST_S = 0.02  # rhythm of SYNC for which a client may wait
 ALERT_S = 0.02  # after somebody besides the sender of SYNC has spoken, everybody is served at once
 
@@ -117,7 +117,7 @@ class Client:
             return
         if self.timed:
             self.gathers_until_s = now_s + GATHER_S
-        most = MOST_FRAMES if self.many or self.timed else 1
+        most = MAX_FRAMES if self.many or self.timed else 1
         for start in range(0, len(heard), most):
             self._send(heard[start : start + most])
         heard.clear()
@@ -307,7 +307,7 @@ class Hub:
             can_id = int.from_bytes(frame[:4], "little")
             if can_id == hub_protocol.AHEAD:
                 due_s = int.from_bytes(frame[8:16], "little") * 1e-9
-                begins_s = min(max(due_s, at_s), at_s + MOST_AHEAD_S)
+                begins_s = min(max(due_s, at_s), at_s + MAX_AHEAD_S)
                 continue
             if can_id & pdo.ERROR_FLAG and self._order(client, can_id, frame):
                 continue

@@ -15,7 +15,7 @@ import can
 from drives.pdo import ERROR_FLAG, EXTENDED_FLAG, FRAME, FRAME_BYTES, REMOTE_FLAG
 from drives.ports.error_frames import lost_frame
 from drives.ports.hub_protocol import LOST_FRAMES, NO_FD, PATIENT_FRAME, connect
-from drives.texts import english, said
+from drives.texts import english, message
 
 STANDARD_MASK, ID_MASK = 0x7FF, 0x1FFF_FFFF
 MAX_BYTES = 8
@@ -77,7 +77,7 @@ class HubBus(can.BusABC):
 
 def words(key: str, **values: object) -> str:
     """A text in English, as python-can's own errors are."""
-    return english(said(key, **values))
+    return english(message(key, **values))
 
 
 def _packed(msg: can.Message) -> bytes:

@@ -74,7 +74,7 @@ _IDENTIFIER: Final = Struct("<I").unpack_from
 _IDENTIFIERS: Final = Struct("<I12x").iter_unpack
 _Ready = tuple[int, int, int, int, bytes]  # rank, sequence, source, id, frame
 _NOT_YET: Final = (b"", 0.0)  # carried
-MOST_CARRIED = 4096  # identifiers of which the last frame is known
+MAX_CARRIED = 4096  # identifiers of which the last frame is known
 _Pending = tuple[float, _Ready]  # from when on it may take part in the arbitration
 
 
@@ -366,7 +366,7 @@ class SteppedBus:
             waiting[source] -= 1
             before, taken_s = carried.get(can_id, _NOT_YET)
             if frame != before:  # an axis at rest says the same with every SYNC
-                if len(carried) > MOST_CARRIED:
+                if len(carried) > MAX_CARRIED:
                     carried.clear()
                 taken_s = bits(can_id, frame) * bit_s
                 carried[can_id] = frame, taken_s

@@ -25,7 +25,7 @@ from controller.api.roles import Principal, Role
 from controller.api.service_client import refusal
 from controller.api.users import CROWD_TRIES, FREE_TRIES, LONGEST_WAIT_S
 from controller.ipc.control_socket import CommandRefused
-from controller.messages import said
+from controller.messages import message
 
 # A body with which the route would do what it is for.
 BODIES: dict[str, Any] = {
@@ -267,7 +267,7 @@ def test_a_macro_is_asked_for_with_the_role_of_who_presses_it(shared: Scene, rol
 
 @pytest.mark.parametrize(("code", "status"), [("role", 403), ("missing", 404), ("moves", 409)])
 def test_what_the_service_refuses_a_macro_for_has_its_status(code: str, status: int) -> None:
-    assert refusal(CommandRefused(code, said("no_macro", name="x", allowed="y"))).status == status
+    assert refusal(CommandRefused(code, message("no_macro", name="x", allowed="y"))).status == status
 
 
 # ---- without users

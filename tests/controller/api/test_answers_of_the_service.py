@@ -19,7 +19,7 @@ from controller.api.examples import EXAMPLES
 from controller.api.service_client import SocketServiceClient
 from controller.faults import Fault
 from controller.machine import machine_file
-from controller.messages import said
+from controller.messages import message
 from controller.service.command_handlers import CommandHandlers
 from controller.service.service import Service
 from controller.service.socket_server import Server
@@ -52,8 +52,8 @@ def scene(service: Service, tmp_path: Path) -> Iterator[Scene]:
     with scene.store.uploads.begin("part.ngc") as upload:
         upload.write(b"G21\nG1 X1 F100\nM2\n")
         upload.commit()
-    scene.store.alarms.add("PROGRAM", said("stands_before"), cause=said("cause.EMCY"))
-    scene.store.runs.end(scene.store.runs.begin("part.ngc", "0" * 64), "fault", **said("service_ended"))
+    scene.store.alarms.add("PROGRAM", message("stands_before"), cause=message("cause.EMCY"))
+    scene.store.runs.end(scene.store.runs.begin("part.ngc", "0" * 64), "fault", **message("service_ended"))
     yield scene
     server.close()
 
@@ -88,7 +88,7 @@ async def change(client: httpx.AsyncClient) -> None:
 
 
 def test_whatever_it_answers_is_as_described(scene: Scene, service: Service, engine: FakeEngine) -> None:
-    row = said("at.spindle", rev_min="0", coolant="x", feed="y")
+    row = message("at.spindle", rev_min="0", coolant="x", feed="y")
     engine.answers["check"] = lambda **_: {**CHECKED, "restart": [row], "notes": [{"line": 1, **row}]}
 
     async def story() -> None:

@@ -48,7 +48,7 @@ def put(store: Store, name: str, text: bytes) -> None:
 def state(store: Store) -> tuple[object, ...]:
     """All that a back-up holds."""
     programs = {p.name: store.programs.path(p.sha256).read_bytes() for p in store.programs.list()}
-    tools = tool_store.kept(store.folder / tool_store.FILE)
+    tools = tool_store.saved_rows(store.folder / tool_store.FILE)
     fitted = setup_data.load(store.folder), tools
     return programs, fitted, store.settings.all(), setup_data.machine(store.folder)
 
@@ -103,7 +103,9 @@ def test_restoring_is_undone_by_rolling_back(store: Store, archive: Path) -> Non
     changed = state(store)
     backup.restore(store, backup.check(archive), None, setup_data.noted(store.folder))
     assert state(store)[0]["a.ngc"] == b"M2\n"  # type: ignore[index]
-    backup.restore(store, backup.check(backup.all_kept(store)[0]), None, setup_data.noted(store.folder))
+    backup.restore(
+        store, backup.check(backup.automatic_backups(store)[0]), None, setup_data.noted(store.folder)
+    )
     assert state(store) == changed
 
 
@@ -127,7 +129,9 @@ def test_where_tools_were_comes_back_and_must_be_confirmed(store: Store, archive
         assert tools.places == PLACES and tools.away == [12]
         assert not tools.known and tools.spindle is None
         assert [row[1] for row in tools.log()] == ["confirmed"]
-    backup.restore(store, backup.check(backup.all_kept(store)[0]), None, setup_data.noted(store.folder))
+    backup.restore(
+        store, backup.check(backup.automatic_backups(store)[0]), None, setup_data.noted(store.folder)
+    )
     assert state(store) == changed
     with tools_of(store) as tools:
         assert tools.places == {7: SPINDLE, 3: 2} and not tools.known
@@ -510,7 +514,7 @@ def test_a_machine_file_that_does_not_fit_is_refused_and_the_old_one_stays(
     new.write_text(text.replace("period_s = 0.002", "period_s = 0.004"))
     backup.update(store, new, old)
     assert config.load(old).period_s == 0.004
-    assert backup.check(backup.all_kept(store)[0]).machine.period_s == 0.002
+    assert backup.check(backup.automatic_backups(store)[0]).machine.period_s == 0.002
 
 
 def test_a_disk_that_is_full_leaves_no_half_archive(
@@ -528,9 +532,9 @@ def test_a_disk_that_is_full_leaves_no_half_archive(
 def test_only_the_latest_back_ups_are_kept(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(backup, "KEPT", 3)
     made = [backup.keep(store, config.load("trunnion")) for _ in range(4)]
-    assert backup.all_kept(store) == made[::-1], "none goes before what it was made for is done"
+    assert backup.automatic_backups(store) == made[::-1], "none goes before what it was made for is done"
     backup.update(store, config.SHIPPED / "trunnion.toml", store.folder / "machine.toml")
-    assert backup.all_kept(store) == made[:0:-1]
+    assert backup.automatic_backups(store) == made[:0:-1]
 
 
 def test_restoring_a_program_that_is_larger_than_allowed_says_so(archive: Path, tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ from controller.api.checker import Checker, Drafts
 from controller.api.store import Program, ProgramCheck, Store
 from controller.cli import check_worker
 from controller.machine import machine_file, setup_data
-from controller.messages import text, told
+from controller.messages import text, with_sentences
 from controller.runtime import checked
 
 SOUND = b"O1\nG1 X10 F100\nG1 X20 Y5\nM2\n"
@@ -118,7 +118,7 @@ def test_what_a_check_notes_is_told_in_the_readers_language(store: Store) -> Non
     program = kept(store, "a", b"G21 G64\nG1 X1 F500\nM2\n")
     job = {"name": "a", "program": store.programs.path(program.sha256), "lines": 3, "state": store.folder}
     (note,) = check_worker.check(job, lambda _: None)[1]["notes"]
-    (english,), (german,) = (told([note], language) for language in ("en", "de"))
+    (english,), (german,) = (with_sentences([note], language) for language in ("en", "de"))
     assert english["line"] == 2 and english["sentence"].startswith("G64 without P blends")
     assert german["sentence"].startswith("G64 ohne P verrundet nur")
 

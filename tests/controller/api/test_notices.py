@@ -28,12 +28,12 @@ from controller.api import backup, notices
 from controller.api.notices import Notice
 from controller.faults import Fault
 from controller.machine import machine_file
-from controller.messages import said
+from controller.messages import message
 from controller.state import fault_table
 
 KEY = "T0Psecret"
 TIMEOUT_S = 20.0
-TEST = Notice("test", 0.0, said("notice.test"))
+TEST = Notice("test", 0.0, message("notice.test"))
 
 
 class Hook:
@@ -93,10 +93,10 @@ def test_alarm_end_of_program_and_tool_change_are_each_told_once(tmp_path: Path,
     scene.store.alarms.add("ESTOP", "An old one.")
     assert settle(scene, webhook=hook.url, language="de").status_code == 200
     look(scene)
-    scene.store.alarms.add("ESTOP", fault_table.told(Fault.ESTOP_INPUT))
+    scene.store.alarms.add("ESTOP", fault_table.fault_message(Fault.ESTOP_INPUT))
     scene.store.runs.end(scene.store.runs.begin("part.ngc", "0" * 64), "completed")
     scene.store.runs.end(scene.store.runs.begin("MDI", "0" * 64), "completed")
-    told, asks = scene.door.status, {"number": 4, **said("tool_change", number=4, name="")}
+    told, asks = scene.door.status, {"number": 4, **message("tool_change", number=4, name="")}
     scene.door.status = lambda: {**told(), "tool_change": asks}  # type: ignore[method-assign]
     look(scene)
     look(scene)

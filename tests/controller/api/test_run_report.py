@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from controller.api.records import Alarm, Run
 from controller.api.run_report import Facts, page
-from controller.messages import said
+from controller.messages import message
 
 ERRORS = {"X": 0.0123, "C": 0.0313}
 FACTS = {"duration_s": 67.742, "planned_s": 67.7, "ticks": 33850, "skips": 0, "following_error": ERRORS}
@@ -25,7 +25,7 @@ def test_it_tells_what_the_store_has_of_the_run_its_check_and_its_alarms() -> No
 
 
 def test_it_tells_whether_the_surfaces_kept_their_tolerance_in_its_language() -> None:
-    check = {**CHECK, "verdict": {"within": False, **said("form.overcut")}}
+    check = {**CHECK, "verdict": {"within": False, **message("form.overcut")}}
     for language, sentence in (("en", "too deep"), ("de", "zu tief geschnitten")):
         assert sentence in page(Facts(RUN, check, [], []), language)  # type: ignore[arg-type]
 

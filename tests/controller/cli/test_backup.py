@@ -55,7 +55,7 @@ def test_nothing_is_put_back_while_the_service_of_that_state_folder_runs_or_hang
         for words in changes(tmp_path):
             code, error = outcome(words, state)
             assert code == 1 and "its service runs" in error and str(runtime) in error, words
-    assert backup.all_kept(Store(state)) == []
+    assert backup.automatic_backups(Store(state)) == []
 
 
 def test_after_the_service_it_is_put_back(state: Path, runtime: Path, tmp_path: Path) -> None:
@@ -85,7 +85,7 @@ def test_a_machine_file_that_check_and_bus_refuse_is_not_put_in_use(
     said = json.loads(refused.stdout)["error"]
     code, error = outcome(["update", str(new), "--machine", str(file)], state)
     assert code == 1 and re.search(words, error) and error.splitlines()[0] in said
-    assert file.read_text() == text and backup.all_kept(Store(state)) == []
+    assert file.read_text() == text and backup.automatic_backups(Store(state)) == []
     strained = tmp_path / "strained.zip"
     backup.save(Store(state), config.load(str(new)), strained)
     assert outcome(["restore", str(strained), "--machine", str(file)], state)[0] == 1

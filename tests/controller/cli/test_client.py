@@ -29,7 +29,7 @@ from controller.ipc.control_socket import LAST
 from controller.machine import machine_file
 from controller.messages import plain
 from controller.state import record_files
-from controller.state.modes import Fault, told
+from controller.state.modes import Fault, fault_message
 
 ASK = CliRunner()
 PROGRAM = b"g90\ng0 x1\nm30\n"
@@ -533,7 +533,7 @@ def test_a_watch_in_a_terminal_shows_the_whole_view(
 
 
 def test_alarms_are_listed_in_either_language_and_acknowledged(panel: Panel) -> None:
-    panel.store.alarms.add("DOOR_OPEN", told(Fault.DOOR_OPEN))
+    panel.store.alarms.add("DOOR_OPEN", fault_message(Fault.DOOR_OPEN))
     assert "The door is open." in done("alarms") and "Die Tür ist offen." in done(
         "alarms", "--language", "de"
     )

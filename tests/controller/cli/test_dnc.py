@@ -24,7 +24,7 @@ def store(tmp_path: Path) -> Store:
 
 
 def keep(store: Store, text: bytes, in_use: Callable[[], Collection[str]]) -> None:
-    dnc.kept(store, Tape(text, "O4711"), "", in_use())
+    dnc.save_tape(store, Tape(text, "O4711"), "", in_use())
 
 
 def test_the_running_program_is_found_by_the_state_folder_and_not_replaced(
@@ -41,7 +41,7 @@ def test_the_running_program_is_found_by_the_state_folder_and_not_replaced(
 def test_while_the_service_hangs_nobody_knows_and_nothing_is_kept(
     store: Store, runtime: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(dnc, "ANSWER_S", 0.05)
+    monkeypatch.setattr(dnc, "ANSWER_TIMEOUT_S", 0.05)
     before = store.programs.get("O4711")
     with hanging(store.folder, runtime), pytest.raises(StoreError, match="not known which program is in use"):
         keep(store, b"G4 P1\nM2\n", dnc._in_use(store.folder, None))

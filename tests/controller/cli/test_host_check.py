@@ -93,7 +93,7 @@ def test_every_line_says_what_is_good_and_one_that_fails_what_to_do(
     before = spoken.set(language)
     try:
         for one in look(build(tmp_path)).values():
-            rows = list(host_lines.told(one))
+            rows = list(host_lines.text_rows(one))
             assert one.found and one.good.endswith(".") and len(one.shown) <= 16, one
             assert one.advice or one.verdict in ("pass", "unseen"), one
             assert not one.advice or one.verdict != "pass"

@@ -92,7 +92,7 @@ def test_turns_alternate_and_all_are_added_up(fake_turns: list[str]) -> None:
 @pytest.mark.parametrize("kinds", [1, 2, 3])
 def test_however_long_it_takes_the_turns_are_few_and_fill_the_time(hours: float, kinds: int) -> None:
     rounds, turn_s = host_measure.turns(3600.0 * hours, kinds)
-    assert 1 <= rounds <= host_measure.MOST_TURNS
+    assert 1 <= rounds <= host_measure.MAX_TURNS
     assert rounds * turn_s * kinds == pytest.approx(3600.0 * hours)
     assert turn_s >= host_measure.SHORTEST_TURN_S / 2
 
@@ -397,7 +397,7 @@ def test_beside_a_running_machine_its_syncs_are_heard_and_nothing_else_is_done(
     faults = iter([(100, 7), (105, 8)])
     monkeypatch.setattr(Host, "tick_faults", lambda _: next(faults))
     tick = {"number": 9000, "skips": 0, "late_max_ms": 0.1, "period_ms": 1.0}
-    monkeypatch.setattr(self_test, "asked", lambda _: tick)
+    monkeypatch.setattr(self_test, "running_tick", lambda _: tick)
     report = tmp_path / "a.html"
     done = invoke("--seconds", "3", "--period-ms", "1", "--report", str(report))
     told = json.loads(done.stdout)

@@ -10,15 +10,15 @@ from support.machines.shipped_kinds import machine
 from controller.cli.demo import live_line
 from controller.ipc.handoff import blank
 from controller.machine.model import Spindle
-from controller.runtime.plan_messages import POWER_ON, Way
+from controller.runtime.plan_messages import POWER_ON, MotionFacts
 from controller.service import status
 from controller.state.modes import Binding, Mode, axis_binding
 
 MACHINE = machine(spindle=Spindle(24000.0, "drive"))
-CUT = Way((0.0,) * 5, 1000.0 / 60.0, "cut", end_s=50.0)
+CUT = MotionFacts((0.0,) * 5, 1000.0 / 60.0, "cut", end_s=50.0)
 
 
-def told(way: Way | None = CUT, **changes: Any) -> str:
+def told(way: MotionFacts | None = CUT, **changes: Any) -> str:
     """Of the status that the service makes of such a snapshot."""
     now = blank()._replace(**{"mode": Mode.RUNNING, "override": 1.0, "motion_id": 1, **changes})
     return live_line({**status.machine_values(MACHINE, now, way, POWER_ON), "job": {"line": 8}})

@@ -85,3 +85,17 @@ def test_no_file_lands_outside_of_the_folder_and_nothing_is_overwritten(folder: 
     assert asked("pack", str(mine), "--output", str(packed), "--overwrite")["ok"]
     refused = asked("unpack", str(packed), str(folder / "out"))
     assert "outside of the folder" in refused["error"] and not (folder / "out").exists()
+
+
+def test_a_sheet_named_as_the_machine_file_does_not_replace_it(folder: Path) -> None:
+    packed, mine = folder / "p.toml", folder / "in" / "mine.toml"
+    (folder / "in" / "sheets" / "x.eds").rename(folder / "in" / "machine.toml")
+    mine.write_text(mine.read_text().replace("sheets/x.eds", "machine.toml"))
+    (folder / "in" / "sheets" / "own.toml").write_text(
+        (CONFIG / "drives" / "generic.toml")
+        .read_text()
+        .replace("[drive]", '[drive]\neds = "../machine.toml"')
+    )
+    assert asked("pack", str(mine), "--output", str(packed))["ok"]
+    refused = asked("unpack", str(packed), str(folder / "out"))
+    assert "where the machine file goes" in refused["error"] and not (folder / "out").exists()

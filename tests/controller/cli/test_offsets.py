@@ -30,7 +30,7 @@ def told() -> dict[str, Any]:
         "[machine]\n", "[machine]\nkept_parameters = [500]\n", 1
     )
     made = setup_data.applied(machine_file.read(text, "m.toml"), FITTED)
-    found = setup_data.told(made, FITTED)
+    found = setup_data.to_json(made, FITTED)
     for name, row in found["offsets"].items():
         row["turned_deg"] = list(turned_deg(made.offset(OFFSETS.index(name)).frame))
     return found

@@ -118,7 +118,7 @@ def test_a_recording_of_a_fault_has_the_units_of_the_live_state(fault: Path, tmp
     assert again.machine == source.machine and again.period_s == source.period_s
     for name, column in source.columns.items():
         assert again.columns[name].values.tobytes() == column.values.tobytes(), name
-        assert again.columns[name][1:] == (column.unit, column.told("en")), name
+        assert again.columns[name][1:] == (column.unit, column.meaning_text("en")), name
 
 
 def test_every_shipped_record_of_a_run_is_read(tmp_path: Path) -> None:

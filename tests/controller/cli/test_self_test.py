@@ -107,9 +107,9 @@ def test_a_running_tick_tells_its_own_lateness(
     """To measure on the core that it has for itself would find the tick, and elsewhere something else."""
     tick = {"number": 10_000, "skips": skips, "late_max_ms": 0.25, "period_ms": 2.0}
     with answering(tmp_path, runtime, tick=tick):
-        asked = self_test.asked(tmp_path)
+        asked = self_test.running_tick(tmp_path)
     assert asked == tick
-    line = self_test.kept(asked)
+    line = self_test.running_latency_line(asked)
     assert line.passed is passed and "250 us late at worst" in line.found
 
 

@@ -21,7 +21,7 @@ from controller.__main__ import app
 from controller.api.store import Store
 from controller.cli import recorded_runs, state
 from controller.machine import arrangement, setup_data
-from controller.messages import said
+from controller.messages import message
 from controller.plan.report import stored
 from controller.runtime import events
 from controller.runtime.starts import Start
@@ -42,7 +42,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     state = service.state
     for number in (1.0, 2.0):
         setup_data.save(state, {"parameters": {"500": number}})
-    service.alarms.add("TEST", said("stopped"))
+    service.alarms.add("TEST", message("stopped"))
     assert service.changer is not None
     service.changer.store.confirm({1: 1, 2: 0})
     record = runs.RunRecord(state, MACHINE, {"name": "over.ngc", "sha256": "0" * 64})

@@ -137,13 +137,13 @@ def test_a_crash_is_kept_in_the_state_folder_and_goes_along(
     state = tmp_path / "state"
     state_of_a_shop(state)
     monkeypatch.setenv("STATE_DIRECTORY", str(state))
-    for number in range(internal_error.MOST + 3):
+    for number in range(internal_error.MAX_FILES + 3):
         said = internal_error.sentence(KeyError(f"number {number}"))
         assert str(state / internal_error.FOLDER) in said
     parts = written(state, tmp_path / "case.zip")
     crashes = [data for name, data in parts.items() if name.startswith(internal_error.FOLDER)]
-    assert len(crashes) == internal_error.MOST
-    assert sum(f"number {internal_error.MOST + 2}".encode() in one for one in crashes) == 1
+    assert len(crashes) == internal_error.MAX_FILES
+    assert sum(f"number {internal_error.MAX_FILES + 2}".encode() in one for one in crashes) == 1
 
 
 def test_without_a_state_folder_it_is_refused(tmp_path: Path) -> None:

@@ -122,7 +122,7 @@ def test_one_can_go_back_to_the_file_one_by_one() -> None:
     on = base()
     values = left("G10 L2 P2 X5\nG92 X1\n#500=1\nG10 L1 P2 Z3\nG28.1\n", on, {})
     assert set(setup_data.names(values)) == {"G55", "T2", "G92", "G28", "#500"}
-    told = setup_data.told(setup_data.applied(on, values), values)
+    told = setup_data.to_json(setup_data.applied(on, values), values)
     assert told["offsets"]["G55"]["source"] == "machine" and told["offsets"]["G54"]["source"] == "file"
     assert told["shift"]["source"] == told["references"]["G28"]["source"] == "machine"
     assert told["references"]["G30"]["source"] == "file"

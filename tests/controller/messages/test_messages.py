@@ -10,7 +10,7 @@ import pytest
 from support.suite.cases import each
 
 from controller import messages
-from controller.messages import LANGUAGES, Key, chain, said, several, text, told
+from controller.messages import LANGUAGES, Key, chain, message, several, text, with_sentences
 from controller.program.program import Caller, ProgramError, refused_on_the_way
 from controller.state.fault_table import words as words_of
 from controller.state.modes import ALWAYS, FAULTS, Fault, Mode, Reaction, Recovery, Request, refusal, sentence
@@ -130,19 +130,23 @@ def test_a_refused_request_names_itself_and_the_mode_in_every_language(mode: Mod
 
 
 def test_a_value_may_be_a_text_of_the_catalogue_itself_with_the_values_beside_it() -> None:
-    waited = said("waited", seconds=3.0, what=Key("standstill"))
+    waited = message("waited", seconds=3.0, what=Key("standstill"))
     assert text(waited) == "Waited 3 s for standstill in vain."
     assert "Stillstand" in text(waited, "de")
-    assert "within 3 s" in text(said("silent_door", path="x", why=Key("no_answer_within"), seconds=3.0))
+    assert "within 3 s" in text(message("silent_door", path="x", why=Key("no_answer_within"), seconds=3.0))
 
 
 @pytest.mark.parametrize(
     ("what", "english", "german"),
     [
-        (said("jog_limit", axis="A", limit=110.0, unit="deg"), "limit of 110 deg;", "von 110 Grad;"),
-        (said("jog_limit", axis="X", limit=300.0, unit="mm"), "limit of 300 mm;", "von 300 mm;"),
-        (said("maintenance_due", name="C", every=5.0, unit="turns"), "every 5 turns", "alle 5 Umdrehungen"),
-        (said("travel.unwind", axis="C", at=3.0), "at 3.000 deg", "auf 3.000 Grad"),
+        (message("jog_limit", axis="A", limit=110.0, unit="deg"), "limit of 110 deg;", "von 110 Grad;"),
+        (message("jog_limit", axis="X", limit=300.0, unit="mm"), "limit of 300 mm;", "von 300 mm;"),
+        (
+            message("maintenance_due", name="C", every=5.0, unit="turns"),
+            "every 5 turns",
+            "alle 5 Umdrehungen",
+        ),
+        (message("travel.unwind", axis="C", at=3.0), "at 3.000 deg", "auf 3.000 Grad"),
     ],
 )
 def test_a_unit_is_in_the_words_of_the_language(what: dict[str, object], english: str, german: str) -> None:
@@ -150,19 +154,19 @@ def test_a_unit_is_in_the_words_of_the_language(what: dict[str, object], english
 
 
 def test_texts_travel_as_json_and_several_are_read_one_after_the_other() -> None:
-    both = several("part.ngc:3: G99 is no code.", said("stands_before"), "")
+    both = several("part.ngc:3: G99 is no code.", message("stands_before"), "")
     assert text(json.loads(json.dumps(both))) == (
         "part.ngc:3: G99 is no code. The tool stands on the path before that block."
     )
-    linked = said(
+    linked = message(
         "changed", program="a", line=1, what=chain("and", [Key("the_program"), Key("a_work_offset")])
     )
     assert "the program and a work offset changed" in text(linked)
 
 
 def test_what_was_kept_before_keys_were_is_its_sentence_and_the_edge_adds_it_to_what_has_a_key() -> None:
-    old, new = {"name": "A", "sentence": "X lags."}, {"name": "B", **said("no_tick")}
-    in_german = told({"alarms": [old, new], "job": {"key": None, "values": None}}, "de")
+    old, new = {"name": "A", "sentence": "X lags."}, {"name": "B", **message("no_tick")}
+    in_german = with_sentences({"alarms": [old, new], "job": {"key": None, "values": None}}, "de")
     assert in_german["alarms"][0] == old and text(old, "de") == "X lags."
     assert in_german["alarms"][1]["sentence"] == LANGUAGES["de"].texts["no_tick"]
     assert in_german["job"]["sentence"] is None
@@ -200,7 +204,7 @@ def test_no_refusal_ends_where_its_reason_should_be(language: str, why: str | No
     assert len(with_reason) > 5
     for key in with_reason:
         values = {**dict.fromkeys(placeholders(texts[key]), 1), "why": why}
-        words = text(said(key, **values), language)
+        words = text(message(key, **values), language)
         assert texts["no_why"] in words and "None" not in words and not words.endswith(" "), key
 
 
@@ -226,5 +230,5 @@ def test_what_was_refused_on_the_way_ends_with_where_the_tool_stands() -> None:
         ("probe.not_touched", (Caller("o1 call", 3, ""),), "The tool stands at the end of that way."),
         ("path.nothing", (), ". The tool stands on the path before that block."),
     ):
-        error = ProgramError("p", 1, 1, said(key, code="G38.2", word="G38.2")).within(calls)
+        error = ProgramError("p", 1, 1, message(key, code="G38.2", word="G38.2")).within(calls)
         assert text(refused_on_the_way(error.placed)).endswith(stands)

@@ -18,7 +18,7 @@ from typer.testing import CliRunner
 from controller import messages
 from controller.__main__ import app
 from controller.geometry.defects import Defect, DefectKind
-from controller.messages import LANGUAGES, Said, said, text
+from controller.messages import LANGUAGES, Message, message, text
 from controller.plan.surfaces import cuts
 from controller.program import code_table
 from controller.program.code_rows import Fate
@@ -113,7 +113,7 @@ def test_the_figures_of_a_text_are_written_alike_in_every_language(language: str
         assert figures(LANGUAGES[language].texts[key]) == figures(words), key
 
 
-def told(one: Said) -> dict[str, str]:
+def told(one: Message) -> dict[str, str]:
     """A text in every language; each is whole, and no two are the same."""
     found = {language: text(one, language) for language in ("en", "de")}
     assert found["en"] != found["de"]
@@ -132,7 +132,7 @@ def test_every_defect_of_a_surface_is_said_in_german_too(kind: DefectKind) -> No
 def test_every_gouge_is_said_in_german_too(kind: str, u: float | None) -> None:
     body = "holder" if kind in ("table", "stock") else ""
     one = Gouge(kind, 4, 9, "lead in", 2, 0.125, u, u, (1.0, 2.0, 3.0), 3.5, body)
-    found = told(one.told("gouge.refused", more=said("gouge.more", more=2)))
+    found = told(one.with_advice("gouge.refused", more=message("gouge.more", more=2)))
     assert all("0.125 mm" in words for words in found.values())
 
 
@@ -179,5 +179,5 @@ def test_notes_are_told_in_the_language_that_is_asked_for(
 
 def test_what_comes_of_numpy_is_a_figure_of_a_text() -> None:
     """A number of another kind would be kept as words, which no figure can be made of."""
-    assert text(said("travel.in", motion=np.float64(1.5))) == " in the 1.5"
-    assert text(said("cut.form_tolerance", most=np.float64(0.25))).endswith("0.25 mm)")
+    assert text(message("travel.in", motion=np.float64(1.5))) == " in the 1.5"
+    assert text(message("cut.form_tolerance", most=np.float64(0.25))).endswith("0.25 mm)")

@@ -8,7 +8,7 @@ import pytest
 from support.machines.stepped_runs import shipped
 
 from controller.machine.kinematics import kinematics_of
-from controller.messages import said
+from controller.messages import message
 from controller.plan.foresight import foreseen, twice
 from controller.plan.stretch import Chain, Pause
 from controller.program.modal import power_on
@@ -40,6 +40,6 @@ def test_what_one_meets_first_the_other_meets_in_its_place(error: Exception) -> 
 def test_of_a_path_that_is_refused_from_here_no_time_is_foreseen() -> None:
     """The check's own is shown then, and not the time up to where it breaks."""
     machine = shipped()
-    why = ProgramError("part.ngc", 3, 1, said("restart.no_motion"))
+    why = ProgramError("part.ngc", 3, 1, message("restart.no_motion"))
     assert foreseen(pauses(2, why), machine, kinematics_of(machine)) is None
     assert foreseen(pauses(2), machine, kinematics_of(machine)) is not None

@@ -12,7 +12,7 @@ from support.machines.stepped_runs import shipped
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Limits, Machine
 from controller.plan.feed import pace, profile
-from controller.plan.feed.course import Course
+from controller.plan.feed.course import FeedCourse
 from controller.plan.path.path import Chain
 from controller.plan.report.planned import planned
 
@@ -48,7 +48,7 @@ def test_a_window_ends_before_its_braking_begins(acceleration: float) -> None:
     machine = heavy(acceleration)
     chain = long_way(machine)
     run = profile.split_at_stops(chain.stretches, machine, kinematics_of(machine))[0]
-    course = Course(run, machine, kinematics_of(machine))
+    course = FeedCourse(run, machine, kinematics_of(machine))
     found = profile.plan(course, until=0.6 * course.length)
     assert found is not None
     seam_s = pace.seam_s(course, found)
@@ -61,7 +61,7 @@ def test_a_window_ends_before_its_braking_begins(acceleration: float) -> None:
 
 def test_a_quick_machine_goes_on_a_second_and_a_half_before_its_rest() -> None:
     machine = shipped()
-    course = Course(long_way(machine).stretches, machine, kinematics_of(machine))
+    course = FeedCourse(long_way(machine).stretches, machine, kinematics_of(machine))
     found = profile.plan(course)
     assert found is not None and found.duration_s > 4.0
     assert pace.seam_s(course, found) == pytest.approx(found.duration_s - pace.TAIL_S, abs=1e-9)

@@ -13,7 +13,7 @@ from support.machines.stepped_runs import program, shipped
 from controller.ipc.handoff import Law, Piece, PieceMessage, Snapshot
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
-from controller.messages import said
+from controller.messages import message
 from controller.plan.path.path import Chain, Pause
 from controller.plan.planner import AHEAD_S, Planner
 from controller.program.program import ProgramError
@@ -120,9 +120,9 @@ def test_messages_go_on_where_the_last_one_ended_and_rests_are_on_the_ticks_grid
     desk.run()
     end_s = BEGIN_S
     assert [m.sequence for m in desk.sent] == list(range(1, len(desk.sent) + 1))
-    for message in desk.sent:
-        assert message.replace_from_s <= end_s + 1e-9 and on_grid(message.replace_from_s, desk.machine)
-        end_s = message.replace_from_s + sum(piece.duration_s for piece in message.pieces)
+    for sent in desk.sent:
+        assert sent.replace_from_s <= end_s + 1e-9 and on_grid(sent.replace_from_s, desk.machine)
+        end_s = sent.replace_from_s + sum(piece.duration_s for piece in sent.pieces)
         assert on_grid(end_s, desk.machine)
     assert desk.planner.finished and desk.planner.finished_path
     assert len(desk.sent[0].pieces) == 1  # the first motion comes soon
@@ -131,11 +131,11 @@ def test_messages_go_on_where_the_last_one_ended_and_rests_are_on_the_ticks_grid
 def test_every_message_ends_at_rest_and_brings_the_motions_it_names() -> None:
     desk = Desk(program("example2_ready.ngc", "3000."), shipped())
     desk.run()
-    for message in desk.sent:
-        last = [piece for piece in message.pieces if piece.motion_id >= 0]
+    for sent in desk.sent:
+        last = [piece for piece in sent.pieces if piece.motion_id >= 0]
         if last:
             assert abs(last[-1].law.at(last[-1].duration_s)[1]) < 1e-6
-        assert {piece.motion_id for piece in message.pieces} - {-1} >= set(message.motions)
+        assert {piece.motion_id for piece in sent.pieces} - {-1} >= set(sent.motions)
     assert {p.motion_id for m in desk.sent for p in m.pieces} - {-1} == {
         name for m in desk.sent for name in m.motions
     }
@@ -363,7 +363,7 @@ def test_a_program_refused_on_the_way_ends_at_rest_and_says_why() -> None:
 
     def refused(items: Iterable[Chain | Pause]) -> Iterator[Chain | Pause]:
         yield from list(items)[:2]
-        raise ProgramError("part.ngc", 9, 1, said("path.nothing"))
+        raise ProgramError("part.ngc", 9, 1, message("path.nothing"))
 
     desk.planner.load(refused(desk.items), BEGIN_S)
     desk.run()

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import pytest
+from support.machines import probing_machine
 
 from controller.program import blocks
 from controller.program.program import JointLine, Probed, ProgramError, TipLine
-from tests.support.machines import probing_machine
 
 HEAD = "G21 G90\nT99 M6\nG43 H99\nG0 Z20.\n"
 

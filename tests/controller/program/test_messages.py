@@ -9,7 +9,7 @@ from controller import messages
 from controller.machine.kinematics import kinematics_of
 from controller.plan.path import path
 from controller.program import blocks, comments
-from controller.program.program import CutRuled, Message, ProgramError
+from controller.program.program import CutRuled, OperatorMessage, ProgramError
 
 POINTS = "X0. Y0. Z10.\n" + "\n".join(f"X{k}. Y0. Z10." for k in (3, 6, 9))
 LOWER = "\n".join(f"X{k}. Y0. Z0." for k in (0, 3, 6, 9))
@@ -17,7 +17,7 @@ LOWER = "\n".join(f"X{k}. Y0. Z0." for k in (0, 3, 6, 9))
 
 def said(text: str) -> list[tuple[int, str]]:
     read = blocks.stream(text.encode(), machine("fig4a"), "p")
-    return [(block.place.line, block.text) for block in read if isinstance(block, Message)]
+    return [(block.place.line, block.text) for block in read if isinstance(block, OperatorMessage)]
 
 
 @pytest.mark.parametrize(
@@ -49,7 +49,7 @@ def test_messages_stand_where_they_are_carried_out(text: str, expected: list[tup
 def test_a_message_between_the_points_of_a_surface_parts_nothing() -> None:
     text = f"G52 F100. {POINTS}\n(MSG, lower now)\n{LOWER}\n"
     (cut, message) = blocks.stream(text.encode(), machine("fig4a"), "p")
-    assert isinstance(message, Message) and isinstance(cut, CutRuled)
+    assert isinstance(message, OperatorMessage) and isinstance(cut, CutRuled)
 
 
 def test_a_check_tells_what_is_said_and_the_path_does_not_stop_for_it() -> None:

@@ -12,7 +12,7 @@ from support.machines.shipped_kinds import machine
 from support.suite import seed
 
 from controller import program
-from controller.messages import LANGUAGES, Said, text
+from controller.messages import LANGUAGES, Message, text
 from controller.program import code_table, codes, refusals
 from controller.program.code_rows import Fate
 
@@ -72,7 +72,7 @@ def test_no_refusal_is_made_of_a_sentence() -> None:
     assert written == []
 
 
-def used(said: Said) -> set[str]:
+def used(said: Message) -> set[str]:
     """The keys of a text and of those among its values."""
     inner = [
         one for value in said["values"].values() for one in (value if isinstance(value, list) else [value])

@@ -7,7 +7,7 @@ from support.machines.traced_programs import mill
 from support.oracles import reference_interpreter
 
 from controller.program import blocks, refusals
-from controller.program.program import Act, Action, JointLine, Message, ProgramError
+from controller.program.program import Act, Action, JointLine, OperatorMessage, ProgramError
 
 MACHINE = reference_interpreter.machine()
 
@@ -37,7 +37,7 @@ def test_return_ends_the_sub_that_it_stands_in_whatever_its_label() -> None:
 def test_5599_silences_debug_and_nothing_else() -> None:
     text = b"(debug, one)\n#5599=0\n(debug, two)\n(print, three)\n#5599=1\n(debug, four)\nG0 X1\n"
     made = blocks.read(text, MACHINE, "p.ngc").blocks
-    assert [b.text for b in made if isinstance(b, Message)] == ["one", "three", "four"]
+    assert [b.text for b in made if isinstance(b, OperatorMessage)] == ["one", "three", "four"]
 
 
 def test_a_contour_that_is_wrong_at_the_end_of_the_file_is_refused_with_its_place() -> None:
@@ -52,7 +52,7 @@ def test_each_line_knows_its_number() -> None:
     sub = b"o1 sub\nG0 X#<_line> Y#100 Z EXISTS[#<_line>]\no1 endsub\no1 call\n"
     text = b"(debug, #<_line>)\n#100=#<_line>\n" + sub
     said, move = blocks.read(text, MACHINE, "p.ngc").blocks
-    assert isinstance(said, Message) and said.text == "1.000000"
+    assert isinstance(said, OperatorMessage) and said.text == "1.000000"
     assert isinstance(move, JointLine) and move.targets[:3] == (4.0, 2.0, 1.0)
 
 

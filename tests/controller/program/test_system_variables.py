@@ -11,7 +11,7 @@ from support.machines.traced_programs import mill
 from controller.geometry.vectors import Frame
 from controller.machine.model import KEPT_OFFSETS, Machine
 from controller.program import blocks, modal
-from controller.program.program import Action, JointLine, Message, ProgramError, Remark, Setting
+from controller.program.program import Action, JointLine, OperatorMessage, ProgramError, Remark, Setting
 
 
 def machine(**fields: Any) -> Machine:
@@ -147,8 +147,8 @@ def test_an_alarm_ends_the_program_where_it_stands_and_where_its_condition_holds
 def test_a_stop_with_a_message_stops_there() -> None:
     made = blocks.read(b"G0 X1.\n#3006=1 (TURN THE PART)\nG0 X2.\n", machine(), "p").blocks
     kinds = [type(block) for block in made]
-    assert kinds == [JointLine, Message, Action, JointLine]
-    assert isinstance(made[1], Message) and made[1].text == "TURN THE PART"
+    assert kinds == [JointLine, OperatorMessage, Action, JointLine]
+    assert isinstance(made[1], OperatorMessage) and made[1].text == "TURN THE PART"
 
 
 @pytest.mark.parametrize("number", [3003, 3004, 3901])

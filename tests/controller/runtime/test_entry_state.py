@@ -29,7 +29,7 @@ SECOND = 19  # line of the second surface of Example 2
 )
 def test_the_state_at_a_place_inside_of_a_surface_is_told(language: str, starts: tuple[str, ...]) -> None:
     told = [
-        text(one, language) for one in entry_state.told(rest_of(EXAMPLE_2, Spot(SECOND, 0.25), shipped()))
+        text(one, language) for one in entry_state.messages(rest_of(EXAMPLE_2, Spot(SECOND, 0.25), shipped()))
     ]
     assert len(told) == len(starts)
     for sentence, start in zip(told, starts, strict=True):
@@ -62,7 +62,7 @@ M30
 )
 def test_a_tilted_plane_is_told_and_entered(language: str, sentence: str) -> None:
     rest = rest_of(TILTED, Spot(7, 0.5), shipped(dialect="fanuc", without_point="unit"))
-    told = [text(one, language) for one in entry_state.told(rest)]
+    told = [text(one, language) for one in entry_state.messages(rest)]
     assert len(told) == 5 and told[2].startswith(sentence) and told[2].endswith("K0.9397.")
     kinematics = kinematics_of(rest.source.machine)
     tip, axis = kinematics.forward(rest.target.joints, 0.0)

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from support.machines.modbus_slave import Slave
 
-from controller.ipc.inverter_slot import InverterSlot, Reported, Wanted
+from controller.ipc.inverter_slot import Commanded, InverterSlot, Reported
 from controller.machine.spindle import Modbus, Spindle
 from controller.runtime import children, inverter_process
 from controller.runtime.inverter_line import LineError
@@ -62,7 +62,7 @@ class Side:
 
     def __init__(self, slave: Slave, profile: str, folder: Path) -> None:
         paths = (str(folder / "wanted"), str(folder / "reported"))
-        self.slot, self.wanted = InverterSlot(paths), Wanted()
+        self.slot, self.wanted = InverterSlot(paths), Commanded()
         modbus = Modbus(slave.path, profile, STATION)
         spindle = Spindle(24000.0, "modbus", modbus=modbus)
         self.child = children.start("inverter", inverter_process.Job(spindle, paths, False), folder)
@@ -82,7 +82,7 @@ class Side:
 
     def order(self, rev_min: float, resets: int = 0) -> Reported:
         """What it reports of an order that it has carried out."""
-        self.wanted = Wanted(rev_min, self.wanted.order + 1, resets)
+        self.wanted = Commanded(rev_min, self.wanted.order + 1, resets)
         return self.until(lambda now: now.order == self.wanted.order)
 
 
@@ -163,7 +163,7 @@ def test_why_it_does_not_answer_is_told_once_of_each_silence(monkeypatch: pytest
     answers = iter([True, False, False, True, False, True, True])
 
     class Deaf:
-        def exchange(self, wanted: Wanted) -> Reported:
+        def exchange(self, wanted: Commanded) -> Reported:
             if not next(answers, True):
                 raise LineError("nothing")
             return Reported(order=wanted.order)

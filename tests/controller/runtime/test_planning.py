@@ -18,7 +18,7 @@ from controller.ipc import control_socket
 from controller.ipc.handoff import COLUMN, Jog
 from controller.machine import machine_file
 from controller.machine.model import Joints
-from controller.messages import said
+from controller.messages import message
 from controller.plan.restart.program_position import Spot
 from controller.plan.stretch import Note
 from controller.program import linked
@@ -103,7 +103,7 @@ def test_a_program_of_which_much_is_to_be_noted_leaves_room_for_the_status(
 ) -> None:
     program = Program(TEXT.encode(), "part.ngc", bench.machine)
     kept = bench.planning._checks.stored(program)
-    long = said("row.departs", line=99999, why=said("row.turns", turn=1 / 3, mm=1 / 3, degrees=1 / 3))
+    long = message("row.departs", line=99999, why=message("row.turns", turn=1 / 3, mm=1 / 3, degrees=1 / 3))
     much = replace(kept, notes=(Note(Place(1, 1), long),) * 5000)
     monkeypatch.setattr(bench.planning._checks, "stored", lambda _: much)
     assert len(control_socket.packed(bench.order("check", program=program).facts)) < control_socket.MAX_BYTES

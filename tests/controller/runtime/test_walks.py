@@ -29,11 +29,11 @@ def test_a_checked_path_is_run_as_it_was_laid() -> None:
     ("source", "machine", "most"),
     [
         pytest.param(WALL, shipped(), 3, id="long"),
-        pytest.param(PROBED, probing_machine.machine("trunnion"), checked.MOST_KEPT, id="probing"),
+        pytest.param(PROBED, probing_machine.machine("trunnion"), checked.MAX_KEPT, id="probing"),
     ],
 )
 def test_a_long_path_and_one_that_its_run_decides_on_are_laid_once_more(
     monkeypatch: pytest.MonkeyPatch, source: str, machine: Machine, most: int
 ) -> None:
-    monkeypatch.setattr(checked, "MOST_KEPT", most)
+    monkeypatch.setattr(checked, "MAX_KEPT", most)
     assert not isinstance(checked.walk_of(task(source, machine), None, False).items, list)

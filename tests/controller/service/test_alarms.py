@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from controller import own_files, sealed_file
-from controller.messages import said
+from controller.messages import message
 from controller.service import alarms
 from controller.service.alarms import RESERVE, Alarms
 
@@ -24,7 +24,7 @@ def test_on_a_full_disk_the_reserve_takes_the_alarm(tmp_path: Path, monkeypatch:
         return real(file, *more, **named)  # type: ignore[arg-type]
 
     monkeypatch.setattr(own_files, "opened", full)
-    kept.add("ESTOP", said("stopped"))
+    kept.add("ESTOP", message("stopped"))
     assert not (tmp_path / RESERVE).exists()
     monkeypatch.undo()
     assert [one["name"] for one in Alarms(tmp_path).list()] == ["ESTOP"]
@@ -32,7 +32,7 @@ def test_on_a_full_disk_the_reserve_takes_the_alarm(tmp_path: Path, monkeypatch:
 
 
 def test_no_flip_of_a_bit_changes_what_an_alarm_says(tmp_path: Path) -> None:
-    Alarms(tmp_path).add("ESTOP", said("stopped"), axis="X")
+    Alarms(tmp_path).add("ESTOP", message("stopped"), axis="X")
     sealed_file.adopt(tmp_path, [alarms.FILE])
     file = tmp_path / alarms.FILE
     whole = file.read_bytes()
@@ -48,9 +48,9 @@ def test_no_flip_of_a_bit_changes_what_an_alarm_says(tmp_path: Path) -> None:
 
 def test_an_alarm_that_waits_to_be_confirmed_is_found_after_many_others(tmp_path: Path) -> None:
     known = Alarms(tmp_path)
-    first = known.add("FILE_DAMAGED", said("stopped"))
+    first = known.add("FILE_DAMAGED", message("stopped"))
     for _ in range(alarms.SHOWN + 10):
-        known.add("OTHER", said("stopped"))
+        known.add("OTHER", message("stopped"))
     assert known.unconfirmed("FILE_DAMAGED") == first
     known.acknowledge(first["id"])
     assert known.unconfirmed("FILE_DAMAGED") is None

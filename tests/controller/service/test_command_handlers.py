@@ -23,7 +23,7 @@ from controller.ipc.handoff import Snapshot
 from controller.machine import setup_data
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import AdaptiveFeed, Spindle
-from controller.messages import said
+from controller.messages import message
 from controller.plan.restart.program_position import FORMER, Spot
 from controller.service import acknowledged, jobs, journal, sequences, whole_status
 from controller.service.command_handlers import CommandHandlers
@@ -187,7 +187,7 @@ def test_a_check_that_nobody_wants_any_more_bars_neither_the_next_program_nor_an
             return good(**more)
         checking.set()
         assert given_up.wait(HANGS_S)
-        raise CommandRefused("refused", messages.said("given_up", verb="check"))
+        raise CommandRefused("refused", messages.message("given_up", verb="check"))
 
     engine.answers["check"] = check
     monkeypatch.setattr(engine, "give_up", given_up.set)
@@ -597,7 +597,7 @@ def test_a_start_on_a_full_disk_is_confirmed_costs_the_record_and_the_program_en
     (alarm,) = service.alarms.list()
     assert alarm["name"] == "NOT_RECORDED" and alarm["key"] == "not_recorded"
     (notice,) = done(desk, "status")["notices"]  # for where the disk takes no alarm either
-    assert notice == {"name": "NOT_RECORDED", **said("not_recorded", **alarm["values"])}
+    assert notice == {"name": "NOT_RECORDED", **message("not_recorded", **alarm["values"])}
     (service.state / "runs").unlink()
     done(desk, "start", unrecorded=True)
     assert done(desk, "status")["notices"] == [], "this one is recorded"
@@ -777,13 +777,15 @@ def test_what_holds_where_nobody_answers_any_more_is_on_disk(
     held(desk, service, engine)
     kept, there = whole_status.Kept(service), whole_status.status(service)
     kept.look(service.processes.now())
-    told = control_socket.last_told(service.state, "status")
+    told = control_socket.last_known(service.state, "status")
     joints = {name: row["machine"] for name, row in there["joints"].items()}
     assert {name: row["machine"] for name, row in told["joints"].items()} == joints
     assert set(told) == {*there, "gone_s"} and told["gone_s"] < HANGS_S
     assert (told["mode"], told["fault"]["key"], told["job"]["state"]) == ("FAULT", "service_gone", "fault")
     assert told["not_homed"] == list(joints) and told["job"]["line"] == there["job"]["line"]
-    assert [axis["name"] for axis in control_socket.last_told(service.state, "facts")["axes"]] == list(joints)
+    assert [axis["name"] for axis in control_socket.last_known(service.state, "facts")["axes"]] == list(
+        joints
+    )
     file = service.state / control_socket.LAST
     written = file.stat().st_ino
     kept.look(service.processes.now())
@@ -793,7 +795,7 @@ def test_what_holds_where_nobody_answers_any_more_is_on_disk(
     assert file.stat().st_ino != written
     service.close()
     kept.close()
-    told = control_socket.last_told(service.state, "status")
+    told = control_socket.last_known(service.state, "status")
     assert (told["mode"], told["fault"], told["job"]["state"]) == ("OFF", None, "interrupted")
 
 
@@ -1005,7 +1007,7 @@ def test_a_run_that_ended_early_is_told_until_somebody_has_seen_it_or_another_be
         engine.now = engine.now._replace(mode=Mode.FAULT, fault=Fault.EMERGENCY_STOP, fault_axis=-1)
     else:
         if how == "refused":
-            heard(service, refusal=said("probe.not_touched", code="G38.2"))
+            heard(service, refusal=message("probe.not_touched", code="G38.2"))
         service.watch.look()
         done(desk, "stop")
     service.watch.look()
@@ -1019,7 +1021,7 @@ def test_a_run_that_ended_early_is_told_until_somebody_has_seen_it_or_another_be
     assert messages.text(now["ended_early"]).startswith(told), now["ended_early"]
     service.writer.submit(lambda: None).result(HANGS_S)
     (run,) = done(desk, "runs")["runs"]
-    kept = messages.text(messages.Said(key=run["key"], values=run["values"]))
+    kept = messages.text(messages.Message(key=run["key"], values=run["values"]))
     assert kept and (told.split(". ", 1)[-1][:20] in kept), "and the list of runs has it, too"
     done(desk, "seen")
     assert done(desk, "status")["ended_early"] is None
@@ -1031,7 +1033,7 @@ def test_a_line_by_hand_that_ended_early_is_told_as_it_was_typed(
     desk: CommandHandlers, service: Service, engine: FakeEngine
 ) -> None:
     done(desk, "mdi", text="G38.2 Z-5 F100")
-    heard(service, refusal=said("probe.not_touched", code="G38.2"))
+    heard(service, refusal=message("probe.not_touched", code="G38.2"))
     service.watch.look()
     service.watch.look()
     assert messages.text(done(desk, "status")["ended_early"]).startswith("MDI G38.2 Z-5 F100 ended early")

@@ -15,7 +15,7 @@ from controller.ipc.control_socket import CommandRefused
 from controller.ipc.handoff import COLUMN, ROW, Snapshot, blank, of_axes
 from controller.machine.model import Machine
 from controller.program import modal
-from controller.runtime.plan_messages import Way
+from controller.runtime.plan_messages import MotionFacts
 from controller.service.alarms import Alarms
 from controller.service.contour_guard import ContourGuard
 from controller.state.modes import Mode, Request
@@ -52,7 +52,7 @@ class Service:
     def send(self, ways: Mapping[int, float | None]) -> None:
         """Motions, by their feed."""
         joints, state = (0.0,) * AXES, modal.power_on()
-        made = {number: Way(joints, feed, "line", 1, state) for number, feed in ways.items()}
+        made = {number: MotionFacts(joints, feed, "line", 1, state) for number, feed in ways.items()}
         self.guard.hear(made, self.machine)
 
     def run(self, motion: int, ticks: int, off_mm: float = 0.0, now: Snapshot = NOW) -> None:
@@ -129,7 +129,7 @@ def test_each_line_of_a_row_has_its_own_tolerance(tmp_path: Path) -> None:
     service = Service(tmp_path)
     power_on = modal.power_on()
     loose = power_on._replace(modal=replace(power_on.modal, tolerance_mm=1.0))
-    way = Way(
+    way = MotionFacts(
         (0.0,) * AXES, 20.0, "line", 1, power_on, states=((0.0, power_on), (5.0, loose), (8.0, power_on))
     )
     service.guard.hear({1: way}, service.machine)

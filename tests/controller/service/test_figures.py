@@ -28,7 +28,7 @@ from controller.program import blocks, carried, modal
 from controller.program.carried import InForce
 from controller.program.modal import State
 from controller.program.program import ProgramError
-from controller.runtime.plan_messages import Way
+from controller.runtime.plan_messages import MotionFacts
 from controller.service import status, touch_off
 from controller.service.command_handlers import CommandHandlers
 from controller.state.modes import ALL_AXES, Mode
@@ -177,7 +177,7 @@ def close(one: dict[str, float], other: dict[str, float]) -> bool:
 def test_every_figure_is_what_matrices_make_of_the_joints(name: str, dialect: str) -> None:
     """Work, to go, actual, tip and the tool of the picture, on a way and at rest."""
     for case in cases(name, dialect):
-        way = Way(case.end, 10.0, "line", state=case.state)
+        way = MotionFacts(case.end, 10.0, "line", state=case.state)
         for on_way in (way, None):
             told = status.machine_values(case.machine, case.now, on_way, case.state, case.in_spindle)
             read = {

@@ -17,7 +17,7 @@ from controller.plan.off_path import FIRST_ID
 from controller.plan.report.passing import OWN
 from controller.plan.restart.program_position import ENTRY_ID, LinePart
 from controller.program import linked
-from controller.runtime.plan_messages import Announcement, News, Way
+from controller.runtime.plan_messages import Announcement, MotionFacts, News
 from controller.service import jobs
 from controller.service.job_status import to_dict
 from controller.service.jobs import Job
@@ -38,8 +38,8 @@ def job() -> Job:
     return made
 
 
-def way(feed_mm_s: float | None) -> Way:
-    return Way((0.0, 0.0, 0.0, 0.0, 0.0), feed_mm_s, "line")
+def way(feed_mm_s: float | None) -> MotionFacts:
+    return MotionFacts((0.0, 0.0, 0.0, 0.0, 0.0), feed_mm_s, "line")
 
 
 def test_the_time_left_counts_with_the_override_that_was_and_the_one_that_is(job: Job) -> None:

@@ -17,7 +17,7 @@ from controller.machine.offset_table import OFFSETS
 from controller.messages import text
 from controller.plan.restart.program_position import FORMER, Spot
 from controller.service import journal
-from controller.service.journal import Entry, Job, Known
+from controller.service.journal import Entry, Job, RunProgress
 from controller.state.modes import Fault, Mode
 
 HOME = (0.0, 0.0, 260.0, 0.0, 0.0)
@@ -133,7 +133,7 @@ class Looked:
 
     def look(self, fraction: float = 0.0, **changes: object) -> Entry | None:
         self.snapshot = self.snapshot._replace(**changes)  # type: ignore[arg-type]
-        self.journal.look(self.snapshot, lambda _: np.zeros((0, 1)), lambda *_: Known(fraction))
+        self.journal.look(self.snapshot, lambda _: np.zeros((0, 1)), lambda *_: RunProgress(fraction))
         return journal.read(self.file)[0]
 
     def run(self, length: float) -> None:

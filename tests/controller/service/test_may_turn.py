@@ -1,4 +1,4 @@
-"""The spindle does not turn with the probe in it, whoever asks, unless the tool says that it may."""
+"""The spindle turns with no probe in it, and with no tool faster than this bears, whoever asks."""
 
 from __future__ import annotations
 
@@ -81,4 +81,43 @@ def test_by_hand_it_is_refused_as_long_as_the_probe_is_there(tmp_path: Path) -> 
     done(desk, "spindle", rev_min=0.0)
     service.set_up.put_in(2)
     done(desk, "spindle", rev_min=300.0)
+    assert asked == [Request.SPINDLE, Request.SPINDLE]
+
+
+SLOW = replace(
+    BY_HAND, tools=tuple(replace(t, max_rev_min=800.0) if t.number == 2 else t for t in CHANGER.tools)
+)
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("S900\nT2 M6\nM3\n", 3),
+        ("T2 M6\nM4 S801\n", 2),
+        ("T2 M6\nS800 M3\nG1 X1 F100\nS801\n", 4),
+        ("S900 M3\nM61 Q2\n", 2),
+    ],
+)
+def test_a_program_is_refused_at_the_line_that_turns_a_tool_too_fast(text: str, line: int) -> None:
+    with pytest.raises(ProgramError, match="T2") as found:
+        acts(text, SLOW)
+    assert (found.value.line, found.value.said["key"]) == (line, "spindle.too_fast_for_tool")
+    assert acts(text, BY_HAND)
+    assert acts(text.replace("T2", "T3").replace("Q2", "Q3"), SLOW), "another tool bears it"
+
+
+def test_what_it_bears_turns() -> None:
+    assert (Act.SPINDLE, 800.0) in acts("T2 M6\nS800 M3\n", SLOW)
+
+
+def test_by_hand_a_tool_is_turned_no_faster_than_it_bears(tmp_path: Path) -> None:
+    service = served(tmp_path, SLOW)
+    commands, asked = CommandHandlers(service), engine_of(service).requests
+    service.set_up.put_in(2)
+    with pytest.raises(CommandRefused, match="800"):
+        done(commands, "spindle", rev_min=-801.0)
+    assert asked == []
+    done(commands, "spindle", rev_min=-800.0)
+    service.set_up.put_in(3)
+    done(commands, "spindle", rev_min=801.0)
     assert asked == [Request.SPINDLE, Request.SPINDLE]

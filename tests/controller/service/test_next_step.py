@@ -16,7 +16,7 @@ from controller import messages
 from controller.commands.table import SWITCHED
 from controller.ipc.control_socket import CommandRefused
 from controller.machine.tool_store import Step, placed
-from controller.messages import said
+from controller.messages import message
 from controller.plan.restart.program_position import Spot
 from controller.service import jobs, journal, kept_file, sequences
 from controller.service.command_handlers import CommandHandlers
@@ -124,7 +124,7 @@ class Scene:
         elif running is None and draw.random() < 0.1:
             changer.store.begin(Step(0, 2, 1, "Over it", 2, 2))
         if draw.random() < 0.1:
-            service.alarms.add(kept_file.ALARM, said("file_damaged", file="usage", why="?", aside="-"))
+            service.alarms.add(kept_file.ALARM, message("file_damaged", file="usage", why="?", aside="-"))
         if draw.random() < 0.15:
             service.thread.found = InThread(draw.choice((4.0, 0.0)), draw.choice((1.0, 0.0)), 7, "plate.ngc")
         job = service.run.loaded
@@ -132,12 +132,12 @@ class Scene:
             job.state = draw.choice(
                 ("loaded", "loaded", "completed", "stopped", "fault", "refused", "loading")
             )
-            job.said = said("not_homed", axes="X") if draw.random() < 0.3 else None
+            job.said = message("not_homed", axes="X") if draw.random() < 0.3 else None
         if draw.random() < 0.3:
             self._interrupted()
         if draw.random() < 0.2:
             name = draw.choice(("return", "withdraw", "power up", "home"))
-            service.sequencer.now = Sequence(name, "failed", said("not_homed", axes="X"))
+            service.sequencer.now = Sequence(name, "failed", message("not_homed", axes="X"))
         self.engine.plan_alive = draw.random() < 0.95
         if draw.random() < 0.05:
             self.engine.tick_alive = False
@@ -187,7 +187,7 @@ def offered_and_asked(folder: Path, seed: int, count: int, monkeypatch: pytest.M
         step = status["next"]
         told[step["key"]] += 1
         for language in messages.LANGUAGES:
-            words = messages.text(messages.Said(key=step["key"], values=step["values"]), language)
+            words = messages.text(messages.Message(key=step["key"], values=step["values"]), language)
             assert words and "{" not in words and words != step["key"], step
         assert not (step["verb"] and step["waits"])
         if step["verb"]:

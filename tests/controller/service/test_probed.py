@@ -39,7 +39,7 @@ def test_results_are_there_after_a_restart_and_no_more_than_are_kept(tmp_path: P
     for k in range(KEPT + 3):
         kept.add(f"{k}.ngc", [BORE])
     kept.save()
-    for told in (kept.told(), Probed(tmp_path).told()):
+    for told in (kept.to_json(), Probed(tmp_path).to_json()):
         assert [row["program"] for row in told] == [f"{k}.ngc" for k in range(KEPT + 2, 2, -1)]
         assert told[0].items() >= BORE.items() and told[0]["at_s"] >= told[-1]["at_s"]
 
@@ -59,7 +59,7 @@ def test_what_a_run_finds_is_in_the_table_and_in_its_record(desk: CommandHandler
             job, job.announced.say(service.processes.now()._replace(motion_id=1)), service.processes.now()
         )
         service.run.lay(job, [], service.processes.now())
-    found = [{key: row[key] for key in ("program", "cycle", "values")} for row in service.probed.told()]
+    found = [{key: row[key] for key in ("program", "cycle", "values")} for row in service.probed.to_json()]
     assert found == [{"program": "part.ngc", **BORE}] * 2
     assert record.end("completed")["found"] == [BORE, BORE]
 
@@ -69,7 +69,7 @@ def test_what_is_not_sound_is_begun_anew(tmp_path: Path, text: str) -> None:
     (tmp_path / FILE).write_text(text)
     kept = Probed(tmp_path)
     kept.add("a.ngc", [BORE])
-    assert [row["program"] for row in kept.told()] == ["a.ngc"]
+    assert [row["program"] for row in kept.to_json()] == ["a.ngc"]
 
 
 def test_touches_of_a_version_before_are_taken_over_and_damaged_ones_are_an_alarm(tmp_path: Path) -> None:

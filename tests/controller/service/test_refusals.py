@@ -43,7 +43,7 @@ def test_a_refusal_without_a_reason_says_that() -> None:
 
 @pytest.mark.parametrize("key", ["control_held", "no_control"])
 def test_a_refusal_of_the_panels_own_is_in_every_language(key: str) -> None:
-    told = Refusal.told(409, "control", key, holder="anna").said
+    told = Refusal.of(409, "control", key, holder="anna").said
     assert text(told).startswith("anna holds control")
     assert text(told, "de").startswith("anna hat die Bedienung")
 

@@ -12,10 +12,10 @@ from controller.ipc.handoff import Snapshot, blank
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
 from controller.program.modal import State
-from controller.runtime.plan_messages import POWER_ON, Way
+from controller.runtime.plan_messages import POWER_ON, MotionFacts
 from controller.service import status
 from controller.service.jogging import Stance
-from controller.state.modes import ALL_AXES, Fault, Mode, told
+from controller.state.modes import ALL_AXES, Fault, Mode, fault_message
 
 
 def snapshot(**values: object) -> Snapshot:
@@ -30,8 +30,8 @@ def machine() -> Machine:
     return replace(made, offsets=frames)
 
 
-def way(state: State = POWER_ON) -> Way:
-    return Way((0.0, 0.0, 0.0, 0.0, 0.0), 10.0, "line", state=state)
+def way(state: State = POWER_ON) -> MotionFacts:
+    return MotionFacts((0.0, 0.0, 0.0, 0.0, 0.0), 10.0, "line", state=state)
 
 
 def within(frame: Frame) -> State:
@@ -107,7 +107,10 @@ def test_what_stands_in_the_way_and_what_stopped_nothing_is_told(machine: Machin
     now = snapshot(interlock=Fault.DOOR_OPEN, warning=Fault.DRIVE_WARNING, warning_axis=1)
     notices = status.machine_values(machine, now, None, POWER_ON)["notices"]
     door, warning = Fault.DOOR_OPEN, Fault.DRIVE_WARNING
-    assert notices == [{"name": door.name, **told(door)}, {"name": warning.name, **told(warning, "Y")}]
+    assert notices == [
+        {"name": door.name, **fault_message(door)},
+        {"name": warning.name, **fault_message(warning, "Y")},
+    ]
     loud = snapshot(warning=Fault.NODE_CHATTERS, warning_axis=-1, chatter_id=0x083, chatter_per_s=2400.4)
     (notice,) = status.machine_values(machine, loud, None, POWER_ON)["notices"]
     assert notice["key"] == "text"

@@ -33,7 +33,7 @@ from controller.ipc.control_socket import CommandRefused
 from controller.machine import machine_file
 from controller.machine.toml_table import ConfigError
 from controller.machine.tool_store import Step, ToolStore, placed
-from controller.messages import Said, text
+from controller.messages import Message, text
 from controller.motion.pieces import FIRST_MARK
 from controller.plan.restart.program_position import AFTER_CHANGE, ENTRY_ID, Spot
 from controller.plan.stretch import Chain
@@ -205,7 +205,7 @@ def until(bench: ChangerBench, step: str) -> None:
 def test_t_prepares_while_the_cut_goes_on_and_m6_takes_what_stands_ready(tmp_path: Path) -> None:
     bench = cutting(tmp_path)
     until(bench, "Pocket to the arm")
-    assert bench.changer.told()["preparing"] == {
+    assert bench.changer.to_json()["preparing"] == {
         "tool": 2,
         "step": 1,
         "steps": 2,
@@ -213,9 +213,11 @@ def test_t_prepares_while_the_cut_goes_on_and_m6_takes_what_stands_ready(tmp_pat
     }
     bench.go(40)
     assert bench.cutting and bench.stepped.joints[0] < 39.0, "the cut is not over"
-    assert bench.changer.told()["ready"] == 2 and bench.magazine.arm == 2 and bench.store.preparation is None
+    assert (
+        bench.changer.to_json()["ready"] == 2 and bench.magazine.arm == 2 and bench.store.preparation is None
+    )
     assert bench.go(LONGEST) == "done" and bench.store.spindle == 2
-    assert bench.changer.told()["ready"] is None
+    assert bench.changer.to_json()["ready"] is None
     assert [row[1] for row in bench.store.log()].count("preparing") == 2, "M6 has not done it again"
 
 
@@ -260,7 +262,7 @@ def test_between_two_steps_and_behind_the_last_nothing_is_in_doubt(tmp_path: Pat
     until(bench, "Pocket to the arm")
     bench.go(40)
     bench.die(True)
-    assert bench.changer.doubt is None and bench.changer.told()["ready"] is None
+    assert bench.changer.doubt is None and bench.changer.to_json()["ready"] is None
 
 
 def test_a_pocket_that_does_not_come_is_told_and_the_cut_goes_on_until_m6_waits(tmp_path: Path) -> None:
@@ -585,13 +587,13 @@ def test_of_a_change_that_was_interrupted_the_offer_says_which_tool_is_where_and
     offer = _ask(desk, "restart")
     assert not offer["offered"] and offer["change"] and offer["line"] == 3
     assert text(offer["says"]) == "two.ngc was interrupted in the tool change of line 3 (T1 away, T2 in)."
-    assert "confirm where the tools are" in text(Said(key=offer["key"], values=offer["values"]))
+    assert "confirm where the tools are" in text(Message(key=offer["key"], values=offer["values"]))
     step = _ask(desk, "status")["next"]
     assert (step["verb"], step["place"]) == ("changer_confirm", "changer")
 
     _ask(desk, "changer_confirm", spindle=1, away=[], clear=True)
     offer = _ask(desk, "restart")
-    why = text(Said(key=offer["key"], values=offer["values"]))
+    why = text(Message(key=offer["key"], values=offer["values"]))
     assert why.startswith("T1 is in the spindle, and two.ngc goes on with T2")
     with pytest.raises(CommandRefused) as error:
         _ask(desk, "load", path=file, restart=True)

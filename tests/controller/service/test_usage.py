@@ -53,7 +53,7 @@ def walk(ticks: int, seed: int = 3) -> np.ndarray:
 
 
 def value(usage: Usage, name: str) -> float:
-    return next(float(one["value"]) for one in usage.told()["counters"] if one["name"] == name)
+    return next(float(one["value"]) for one in usage.to_json()["counters"] if one["name"] == name)
 
 
 def gone(path: np.ndarray, axis: int) -> float:
@@ -73,7 +73,7 @@ def test_every_axis_is_counted_to_and_fro_however_the_rows_come(tmp_path: Path) 
     hours = MACHINE.period_s / 3600.0
     assert value(usage, "motion") == pytest.approx(999 * hours)
     assert value(usage, "spindle") == pytest.approx(1000 * hours)
-    assert usage.told()["tools"] == []
+    assert usage.to_json()["tools"] == []
 
 
 def test_a_zero_that_is_found_is_no_travel_nor_is_a_drive_that_is_off(tmp_path: Path) -> None:
@@ -98,7 +98,7 @@ def test_a_tool_counts_its_cut_and_the_parts_that_it_was_in(tmp_path: Path) -> N
     usage.ended(whole_part=True)
     usage.take(rows(walk(100), first=800), 3, turning=False, fed={FED})
     usage.ended(whole_part=False)
-    (tool,) = usage.told()["tools"]
+    (tool,) = usage.to_json()["tools"]
     assert (tool["number"], tool["parts"]) == (3, 1)
     assert tool["cut_s"] == pytest.approx(600 * MACHINE.period_s)
     assert tool["cut_m"] == pytest.approx(600 * 4e-3 * MACHINE.period_s)
@@ -113,7 +113,7 @@ def test_a_tool_is_worn_by_its_time_its_way_or_its_parts(tmp_path: Path) -> None
             usage.set_life(3, *(None if one is None else share * one for one in life))
             assert bool(usage.worn(3)) is worn
     usage.renew(3)
-    assert usage.told()["tools"][0]["cut_m"] == 0.0
+    assert usage.to_json()["tools"][0]["cut_m"] == 0.0
 
 
 def test_all_of_it_is_there_after_a_restart(tmp_path: Path) -> None:
@@ -123,13 +123,13 @@ def test_all_of_it_is_there_after_a_restart(tmp_path: Path) -> None:
     usage.set_life(2, 5.0, None)
     usage.set_item("grease", NAMES[0], 0.5)
     usage.save(at_once=True)
-    assert Usage(tmp_path, MACHINE).told() == usage.told()
+    assert Usage(tmp_path, MACHINE).to_json() == usage.to_json()
 
 
 @pytest.mark.parametrize("text", ["", "[]", '{"travel": 1}', '{"travel": {"X": 1e999}, "hours": {}}', "\x00"])
 def test_a_file_that_is_not_sound_is_begun_anew(tmp_path: Path, text: str) -> None:
     (tmp_path / module.FILE).write_text(text)
-    assert Usage(tmp_path, MACHINE).told() == Usage(tmp_path / "none", MACHINE).told()
+    assert Usage(tmp_path, MACHINE).to_json() == Usage(tmp_path / "none", MACHINE).to_json()
 
 
 def test_it_is_kept_now_and_then_and_a_full_disk_loses_nothing(
@@ -164,7 +164,7 @@ def test_what_comes_to_its_end_is_told_once_and_again_after_it_was_done(tmp_path
     assert Usage(tmp_path, MACHINE).due() == [], "nor after a restart"
     usage.renew(1)
     usage.done("grease", "anna")
-    assert usage.worn(1) == {} and usage.told()["items"][0]["used"] == 0.0
+    assert usage.worn(1) == {} and usage.to_json()["items"][0]["used"] == 0.0
     usage.take(rows(walk(50)), 1, turning=False, fed={FED})
     assert [key for key, _ in usage.due()] == ["maintenance_due"]
 
@@ -173,7 +173,7 @@ def test_an_interval_begins_when_it_is_made(tmp_path: Path) -> None:
     usage = Usage(tmp_path, MACHINE)
     usage.take(rows(walk(200)), 1, turning=False, fed={FED})
     usage.set_item("grease", NAMES[0], 1e-3)
-    assert usage.told()["items"][0]["used"] == 0.0
+    assert usage.to_json()["items"][0]["used"] == 0.0
 
 
 # ---- at the door

@@ -132,7 +132,7 @@ def test_row_and_snapshot_of_a_tick_are_the_same_values() -> None:
 
 def test_the_status_tells_what_is_declared_in_shown_units() -> None:
     now = live_state.blank()._replace(late_max_s=0.00025, feed_mm_s=10.0, tick=7, spindle_rev_min=-1200.0)
-    told = live_state.told(now)
+    told = live_state.status_values(now)
     assert told["tick"] == {
         "number": 7,
         "skips": 0,
@@ -165,7 +165,7 @@ def test_openapi_describes_what_the_tick_and_the_drives_tell() -> None:
 
     schema = Both.model_json_schema()
     besides = {"tick.period_ms", "tick.age_s", "feed_mm_min.programmed"}
-    assert described(schema, "OfTick") == keys(live_state.told(live_state.blank())) | besides
+    assert described(schema, "OfTick") == keys(live_state.status_values(live_state.blank())) | besides
     machine = shipped()
     row = node_status.drives(machine, live_state.blank(), {})[0]
     said = {"error.key", "error.values", "error.sentence"}

@@ -15,7 +15,7 @@ from support.machines.spindle_machine import SPINDLE, mill
 from controller.machine.model import AdaptiveFeed, Machine
 from controller.motion.pieces import STILL, Piece
 from controller.state.modes import Binding, Fault, Mode
-from controller.tick.adaptive import BAND, CUTS, DEAF_SYNCS, STEP, Adaptive, response, wanted
+from controller.tick.adaptive import BAND, CUTS, DEAF_SYNCS, STEP, Adaptive, response, target_share
 
 LAW = AdaptiveFeed(target=0.5, min_share=0.2, fall_s=0.3, rise_s=3.0, overload=1.2, overload_s=0.5)
 FASTER = replace(LAW, max_share=1.5)
@@ -41,7 +41,7 @@ FASTER = replace(LAW, max_share=1.5)
     ],
 )
 def test_the_share_that_is_wanted(law: AdaptiveFeed, acting: float, load: float, share: float) -> None:
-    assert wanted(law, acting, load) == pytest.approx(share)
+    assert target_share(law, acting, load) == pytest.approx(share)
 
 
 laws = some.builds(
@@ -57,9 +57,9 @@ shares, loads = some.floats(0.05, 1.5), some.floats(0.0, 4.0)
 
 @given(laws, shares, loads)
 def test_it_is_within_its_bounds(law: AdaptiveFeed, acting: float, load: float) -> None:
-    assert law.min_share <= wanted(law, acting, load) <= law.max_share
+    assert law.min_share <= target_share(law, acting, load) <= law.max_share
     if load < CUTS * law.target:
-        assert wanted(law, acting, load) <= 1.0
+        assert target_share(law, acting, load) <= 1.0
 
 
 @given(laws, shares, loads, loads)
@@ -68,7 +68,7 @@ def test_more_load_is_never_answered_by_more_feed(
 ) -> None:
     less, more = sorted((a, b))
     if less >= CUTS * law.target or law.max_share == 1.0:
-        assert wanted(law, acting, more) <= wanted(law, acting, less)
+        assert target_share(law, acting, more) <= target_share(law, acting, less)
 
 
 @given(laws, shares, shares, some.floats(1e-4, 1.0))

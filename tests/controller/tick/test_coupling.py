@@ -14,15 +14,15 @@ from support.machines.shipped_kinds import machine as plain
 from support.machines.tapping import machine
 
 from controller.tick.coupling import (
+    BEYOND_TIMEOUT_S,
     CLOSING_REV_S,
     DEAF_SYNCS,
     FASTER,
     LATE_S,
     LEARNS_S,
-    LEAST_REV_S,
     MAX_LAG_S,
     MAX_SLIP,
-    PATIENCE_S,
+    MIN_REV_S,
     REMEMBERS,
     SETTLED_REV,
     SETTLED_TICKS,
@@ -171,7 +171,7 @@ def test_it_is_hurried_by_a_share_of_its_speed_at_most(side: float) -> None:
     thread.behind = side * 0.45  # further off than what teaches
     thread.run(200)
     asked = SPEED / PITCH_MM
-    most = (FASTER - 1.0) * asked + LEAST_REV_S
+    most = (FASTER - 1.0) * asked + MIN_REV_S
     slip = thread.coupling.reply.slip
     assert thread.coupling.rev_s == pytest.approx(asked * (1.0 + slip) + side * min(most, 4.5))
 
@@ -233,7 +233,7 @@ def tied(lag_rev: float, rate_rev_s: float) -> Coupling:
 def test_beyond_its_window_it_lags_at_once_if_it_falls_back_further_and_after_a_while_if_it_stays(
     side: float,
 ) -> None:
-    patience = round(PATIENCE_S / T)
+    patience = round(BEYOND_TIMEOUT_S / T)
     away, even, nearer = 1.1 * CLOSING_REV_S, 0.0, -1.1 * CLOSING_REV_S
     for lag, rate, ticks in ((0.51, away, 1), (0.51, even, patience + 1), (0.51, nearer, 0), (0.5, away, 0)):
         coupling = tied(side * lag, side * rate)

@@ -16,7 +16,7 @@ from controller.tick.loop import (
     AHEAD_S,
     CALM_S,
     LAST_TICKS_S,
-    LEAST_SPIN_S,
+    MIN_SPIN_S,
     SPIN_S,
     STAND_DOWN_S,
     Loop,
@@ -119,7 +119,7 @@ def test_deadlines_are_whole_periods_from_the_start_and_none_is_left_out() -> No
 
 
 @pytest.mark.parametrize(
-    ("period_s", "early_s"), [(0.004, SPIN_S), (0.002, SPIN_S), (0.001, 0.2e-3), (0.0005, LEAST_SPIN_S)]
+    ("period_s", "early_s"), [(0.004, SPIN_S), (0.002, SPIN_S), (0.001, 0.2e-3), (0.0005, MIN_SPIN_S)]
 )
 def test_it_is_woken_before_the_deadline_by_a_fifth_of_the_period_within_bounds(
     period_s: float, early_s: float

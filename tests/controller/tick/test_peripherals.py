@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Any
 
@@ -72,12 +73,15 @@ class Shop(Bench):
         self.spindle, self.node = FakeSpindle(), FakeNode()
         super().__init__(machine or equipped(), spindle=self.spindle, io=(self.node,))
 
-    def cut(self, rev_min: float = 6000.0, coolant: int = 2, clamps: int = 0) -> None:
+    def cut(
+        self, rev_min: float = 6000.0, coolant: int = 2, clamps: int = 0, max_rev_min: float = math.inf
+    ) -> None:
         """Started: it is told, and then moves; the tick in which it is told is over."""
         self.enable()
         piece, move = straight(HERE, THERE, lambda n: s_curve(n, 100.0, 1900.0, 48000.0))
         told = Piece(-1, 1, dwell(0.0).law, 0.0, sets=True)
         told = told._replace(spindle_rev_min=rev_min, coolant=coolant, open_clamps=clamps)
+        told = told._replace(max_rev_min=max_rev_min)
         self.send([told, piece, dwell(0.0, end=True)], {0: move})
         self.tick()
         self.ask(Request.START)
@@ -452,6 +456,28 @@ def test_an_override_leads_the_spindle_to_its_end_and_no_further() -> None:
     shop.ask(Request.SPINDLE_OVERRIDE, 1.5)
     shop.tick(2)
     assert shop.spindle.rev_min == -24000.0
+
+
+def test_an_override_leads_the_spindle_no_faster_than_its_tool_bears() -> None:
+    shop = Shop()
+    shop.cut(rev_min=-5000.0, max_rev_min=6000.0)
+    shop.spindle.at_speed = True
+    shop.ask(Request.SPINDLE_OVERRIDE, 1.1)
+    shop.tick(2)
+    assert shop.spindle.rev_min == pytest.approx(-5500.0)
+    shop.ask(Request.SPINDLE_OVERRIDE, 1.5)
+    shop.tick(2)
+    assert shop.spindle.rev_min == -6000.0
+
+
+def test_by_hand_an_override_slows_the_spindle_and_leads_it_no_faster_than_was_asked() -> None:
+    shop = Shop()
+    shop.enable()
+    shop.ask(Request.SPINDLE, 800.0)
+    for share, found in ((1.5, 800.0), (0.5, 400.0)):
+        shop.ask(Request.SPINDLE_OVERRIDE, share)
+        shop.tick(2)
+        assert shop.spindle.rev_min == found
 
 
 def test_a_spindle_that_does_not_come_to_its_overridden_speed_is_told() -> None:

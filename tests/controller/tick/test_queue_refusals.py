@@ -17,7 +17,7 @@ from controller.ipc.handoff import PieceMessage, dwell
 from controller.messages import LANGUAGES, text
 from controller.runtime import checked
 from controller.state.modes import Mode, Request
-from controller.state.queue_refusals import QueueRefusal, told
+from controller.state.queue_refusals import QueueRefusal, refusal_message
 from controller.tick.follow import Follow
 
 
@@ -50,9 +50,9 @@ def test_the_queue_says_why_it_takes_a_message_not(why: QueueRefusal) -> None:
 @pytest.mark.parametrize("language", LANGUAGES)
 @pytest.mark.parametrize("why", QueueRefusal)
 def test_every_reason_has_a_whole_sentence_of_its_own(why: QueueRefusal, language: str) -> None:
-    words = text(told(why), language)
+    words = text(refusal_message(why), language)
     assert words[0].isupper() and words.endswith(".") and "{" not in words and len(words) > 30
-    assert words not in {text(told(other), language) for other in QueueRefusal if other is not why}
+    assert words not in {text(refusal_message(other), language) for other in QueueRefusal if other is not why}
 
 
 def test_what_the_machine_and_the_number_of_a_message_forbid_has_its_reason_too() -> None:
@@ -88,4 +88,4 @@ def test_a_run_in_which_nothing_moves_is_no_success_and_says_why(
     done = CliRunner().invoke(command_line.app, ["simulate", str(part), "--store", str(tmp_path), "--json"])
     answer = json.loads(done.stdout)
     assert (done.exit_code, answer["ok"], answer["result"]) == (1, False, "stuck")
-    assert text(told(QueueRefusal.ELSEWHERE)) in answer["error"]
+    assert text(refusal_message(QueueRefusal.ELSEWHERE)) in answer["error"]

@@ -121,7 +121,7 @@ def test_a_motion_beside_the_cut_is_in_the_verdict_with_its_name_and_line() -> N
 def test_a_surface_without_a_tolerance_gets_no_verdict() -> None:
     one = nominal(WALL)
     assert gouges([one], {one.tool: [along(one)]}).verdicts == []
-    assert wording.told([]) is None and wording.summed([]) is None
+    assert wording.to_json([]) is None and wording.summed([]) is None
 
 
 def test_the_height_of_the_place_counts_from_the_lower_edge_along_the_ruling() -> None:
@@ -146,7 +146,7 @@ def test_what_exceeds_is_said_with_amount_place_and_what_helps(language: str, wo
 
 
 def test_all_within_names_the_surface_that_comes_nearest() -> None:
-    told = wording.told([NEAR, replace(NEAR, line=3, tolerance_mm=0.2)])
+    told = wording.to_json([NEAR, replace(NEAR, line=3, tolerance_mm=0.2)])
     assert told is not None and told["within"] and told["largest_mm"] == 0.04
     assert all(words in text(told) for words in ("line 10", "40.0 µm", "50 µm"))
     assert "Zeile 10" in text(told, "de")

@@ -122,7 +122,7 @@ def test_points_close_to_others_are_those_that_any_of_them_is_within_reach_of() 
 def test_what_is_asked_for_below_a_bound_is_exact_there_and_infinite_elsewhere() -> None:
     one = placed(3)
     own, rng = along(one), np.random.default_rng(7)
-    by = looks.By(Sweep([own], 40.0), cutter(one.tool), 1, "cut", one.tool)
+    by = looks.ToolSweep(Sweep([own], 40.0), cutter(one.tool), 1, "cut", one.tool)
     points = own.tips[rng.integers(len(own.tips), size=400)] + rng.normal(0.0, 6.0, (400, 3))
     exact, below = nearest(points, by.sweep, by.body).distance, rng.normal(0.0, 5.0, 400)
     found = by.distance(points, below)

@@ -64,7 +64,7 @@ def test_whatever_binds_has_its_word(language: str) -> None:
 
 
 def test_what_binds_is_said_in_the_words_of_the_page() -> None:
-    found = tables.told([tally.Bound("feed", 0.9), tally.Bound("C jerk", 0.1, "C", "jerk")])
+    found = tables.binding_texts([tally.Bound("feed", 0.9), tally.Bound("C jerk", 0.1, "C", "jerk")])
     assert found == ["programmed feed 90 %", "C jerk 10 %"]
 
 

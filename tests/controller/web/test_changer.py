@@ -34,7 +34,7 @@ def told(store: ToolStore) -> dict[str, Any]:
     changer = machine.changer
     assert changer is not None
     made = ToolChanger(store, lambda: changer, NoTick(), lambda *_: None, 0.002, lambda _: None, machine.io)
-    return made.told()
+    return made.to_json()
 
 
 def shown(page: Any, site: Site, store: ToolStore) -> Any:
@@ -81,13 +81,13 @@ def test_a_change_that_was_interrupted_is_told_and_confirmed(page: Any, site: Si
     assert "T2" in doubt and "Let it go" in doubt
     assert page.inner_text("#changer-spindle") == "not known" and "not known" in row(page, 2)
     page.wait_for_selector("[data-part=changer] >> text=Step 6: Let it go")
-    before = len(site.asked("changer_confirm"))
+    before = len(site.commands("changer_confirm"))
     page.click("#changer-confirm")
     answer(page, "Which tool is in the spindle?", "0")
     answer(page, "Which tools are out of the machine?", "3, 1")
-    assert len(site.asked("changer_confirm")) == before, "nothing is told before all was answered"
+    assert len(site.commands("changer_confirm")) == before, "nothing is told before all was answered"
     answer(page, "In the spindle: no tool")
-    made = until(lambda: site.asked("changer_confirm")[before:], "what was confirmed")[0][2]
+    made = until(lambda: site.commands("changer_confirm")[before:], "what was confirmed")[0][2]
     assert made == {"spindle": 0, "away": [3, 1], "clear": True}
 
 
@@ -96,7 +96,7 @@ def test_a_dialogue_that_is_given_up_confirms_nothing(
     page: Any, site: Site, store: ToolStore, given_up_at: int
 ) -> None:
     shown(page, site, store)
-    before = len(site.asked("changer_confirm"))
+    before = len(site.commands("changer_confirm"))
     page.click("#changer-confirm")
     for asked in ("Which tool is in the spindle?", "Which tools are out of the machine?")[:given_up_at]:
         answer(page, asked, "1")
@@ -104,16 +104,16 @@ def test_a_dialogue_that_is_given_up_confirms_nothing(
     page.keyboard.press("Escape")
     page.wait_for_selector(".dx-ask", state="detached")
     page.wait_for_timeout(100)
-    assert site.asked("changer_confirm")[before:] == []
+    assert site.commands("changer_confirm")[before:] == []
 
 
 def test_what_is_no_number_of_a_tool_confirms_nothing(page: Any, site: Site, store: ToolStore) -> None:
     shown(page, site, store)
-    before = len(site.asked("changer_confirm"))
+    before = len(site.commands("changer_confirm"))
     page.click("#changer-confirm")
     answer(page, "Which tool is in the spindle?", "T2")
     page.wait_for_selector(".dx-ask", state="detached")
-    assert site.asked("changer_confirm")[before:] == []
+    assert site.commands("changer_confirm")[before:] == []
 
 
 def test_what_was_last_known_stands_in_the_questions(page: Any, site: Site, store: ToolStore) -> None:
@@ -133,5 +133,5 @@ def test_a_pocket_is_given_to_a_tool(page: Any, site: Site, store: ToolStore) ->
     shown(page, site, store)
     page.click("#changer-pockets tr[data-pocket='2'] button")
     answer(page, "Whose is pocket 2?", "7")
-    made = until(lambda: site.asked("changer_pocket"), "the pocket")[-1][2]
+    made = until(lambda: site.commands("changer_pocket"), "the pocket")[-1][2]
     assert made == {"pocket": 2, "tool": 7}

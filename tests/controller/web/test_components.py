@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 from support.live.components import Stage, on_stage
 
-from controller.messages import said, text
-from controller.state.modes import Fault, told
+from controller.messages import message, text
+from controller.state.modes import Fault, fault_message
 
 pytestmark = pytest.mark.slow
 
@@ -35,7 +35,7 @@ def stage(made: Stage) -> Stage:
 
 def sentence(key: str, **values: Any) -> dict[str, Any]:
     """As the panel tells a text of the catalogue."""
-    one = said(key, **values)
+    one = message(key, **values)
     return {**one, "sentence": text(one)}
 
 
@@ -140,7 +140,7 @@ def test_the_guide_has_the_button_of_what_it_says(
     stage.show("guide.js", "Guide")
     button = stage.page.locator(".next button")
     assert button.get_attribute("data-call") == call and label in button.inner_text()
-    assert text(said("next.home")) in stage.page.inner_text(".next")
+    assert text(message("next.home")) in stage.page.inner_text(".next")
 
 
 def test_the_guide_offers_control_before_what_needs_it_and_nothing_of_a_machine_that_is_silent(
@@ -163,7 +163,7 @@ def test_what_is_only_waited_for_has_no_button(stage: Stage) -> None:
 # ---- alarms
 
 
-FOLLOWING = told(Fault.FOLLOWING_ERROR, "Y")
+FOLLOWING = fault_message(Fault.FOLLOWING_ERROR, "Y")
 ALARM = {"name": "FOLLOWING_ERROR", "axis": "Y", "position_trusted": False}
 DOOR = [{"name": "DOOR_OPEN", "key": "", "values": {}, "sentence": "The door is open."}]
 

@@ -38,17 +38,17 @@ STATES: dict[str, Callable[[Any], object]] = {
 @pytest.mark.parametrize("state", STATES)
 def test_stop_acts_while(state: str, page: Any, site: Site) -> None:
     STATES[state](page)
-    before = len(site.asked("stop"))
+    before = len(site.commands("stop"))
     page.click("#dx-stop")
-    until(lambda: len(site.asked("stop")) > before, "the stop")
+    until(lambda: len(site.commands("stop")) > before, "the stop")
 
 
 def test_stop_has_a_key_and_the_e_stop_asks_nothing(page: Any, site: Site) -> None:
-    before = len(site.asked("stop"))
+    before = len(site.commands("stop"))
     page.keyboard.press("F9")
-    until(lambda: len(site.asked("stop")) > before, "the stop")
+    until(lambda: len(site.commands("stop")) > before, "the stop")
     page.click("#dx-estop")
-    until(lambda: site.asked("estop"), "the e-stop")
+    until(lambda: site.commands("estop"), "the e-stop")
     page.wait_for_selector("body[data-mode=FAULT]")
     page.wait_for_selector(".line.alarm >> text=emergency stop")
     page.click(".line.alarm button")
@@ -63,12 +63,12 @@ START = "[data-call='POST cycle/start']:not([aria-disabled=true])"
 
 def test_a_start_asks_first(page: Any, site: Site) -> None:
     site.tell(job=LOADED)
-    before = len(site.asked("start"))
+    before = len(site.commands("start"))
     page.click(START)
     page.wait_for_selector(".dx-ask")
     page.keyboard.press("Escape")
     page.wait_for_selector(".dx-ask", state="detached")
-    assert len(site.asked("start")) == before
+    assert len(site.commands("start")) == before
 
 
 def test_what_is_refused_is_told_in_the_machines_own_sentence(page: Any, site: Site) -> None:
@@ -145,16 +145,16 @@ def test_a_line_above_the_view_pushes_nothing_of_it_off_the_screen(page: Any, si
 
 def test_a_key_that_is_held_answers_no_question_and_starts_nothing(page: Any, site: Site) -> None:
     site.tell(job=LOADED)
-    before = len(site.asked("start"))
+    before = len(site.commands("start"))
     page.wait_for_selector(START)
     page.focus(START)
     for _ in range(4):  # without an up between them: the first is the press, the others its repeats
         page.keyboard.down("Enter")
     page.wait_for_selector(".dx-ask")
     page.keyboard.up("Enter")
-    assert len(site.asked("start")) == before
+    assert len(site.commands("start")) == before
     page.keyboard.press("Enter")
-    until(lambda: len(site.asked("start")) > before, "the start")
+    until(lambda: len(site.commands("start")) > before, "the start")
     site.tell()
     page.evaluate("dx.stop()")
     page.wait_for_selector("body[data-mode=READY]")
@@ -222,7 +222,7 @@ def test_a_page_that_is_opened_beside_it_has_no_control_of_its_own(page: Any, si
 def test_overrides_show_what_the_machine_has(page: Any, site: Site) -> None:
     page.click("[data-override='-10']")
     page.wait_for_selector("text=90 %")
-    assert site.asked("override")[-1][2] == {"share": 0.9}
+    assert site.commands("override")[-1][2] == {"share": 0.9}
     page.click("[data-rapid='25']")
     page.wait_for_selector("[data-rapid='25'][aria-pressed=true]")
     page.click("[data-call='PUT overrides/feed']")
@@ -269,27 +269,27 @@ def test_hold_is_on_every_view_and_has_a_key(page: Any, site: Site) -> None:
     for view in VIEWS:
         page.evaluate("(view) => dx.show(view)", view)
         assert page.is_visible("#dx-hold") and page.is_visible("#dx-stop") and page.is_visible("#dx-estop")
-    before = len(site.asked("hold"))
+    before = len(site.commands("hold"))
     page.click("#dx-hold")
-    until(lambda: len(site.asked("hold")) == before + 1, "the hold")
+    until(lambda: len(site.commands("hold")) == before + 1, "the hold")
     page.keyboard.press("F8")
-    until(lambda: len(site.asked("hold")) == before + 2, "the hold")
+    until(lambda: len(site.commands("hold")) == before + 2, "the hold")
 
 
 def test_keys_start_and_resume_as_their_buttons_do(page: Any, site: Site) -> None:
-    before = len(site.asked("start")), len(site.asked("resume"))
+    before = len(site.commands("start")), len(site.commands("resume"))
     page.keyboard.press("F4")
     page.wait_for_selector(".dx-ask")
-    assert len(site.asked("start")) == before[0]
+    assert len(site.commands("start")) == before[0]
     page.keyboard.press("Enter")
-    until(lambda: len(site.asked("start")) > before[0], "the start")
+    until(lambda: len(site.commands("start")) > before[0], "the start")
     page.wait_for_selector("body[data-mode=RUNNING]")
     page.keyboard.press("F6")
     page.wait_for_selector("#dx-said:has-text('Possible in: Hold.')")
     page.keyboard.press("F8")
     page.wait_for_selector("body[data-mode=HOLD]")
     page.keyboard.press("F6")
-    until(lambda: len(site.asked("resume")) > before[1], "going on")
+    until(lambda: len(site.commands("resume")) > before[1], "going on")
     page.keyboard.press("F9")
     page.wait_for_selector("body[data-mode=READY]")
 
@@ -335,7 +335,7 @@ def test_a_press_beside_a_question_leaves_its_keys_in_force(page: Any) -> None:
 def test_who_may_only_look_sees_that_no_stop_is_taken_from_him(page: Any, site: Site) -> None:
     page.evaluate("dx.user = {...dx.user, role: 'view', may_stop: false}; dx.draw()")
     verbs = ("hold", "stop", "estop")
-    before = len(site.asked(*verbs))
+    before = len(site.commands(*verbs))
     for verb in verbs:
         stop = page.locator(f"#dx-{verb}")
         assert stop.get_attribute("aria-disabled") == "true"
@@ -346,7 +346,7 @@ def test_who_may_only_look_sees_that_no_stop_is_taken_from_him(page: Any, site: 
     page.evaluate("dx.say('')")
     page.keyboard.press("F9")
     page.wait_for_selector("#dx-said:has-text('use the emergency stop on the machine')")
-    assert len(site.asked(*verbs)) == before
+    assert len(site.commands(*verbs)) == before
     page.evaluate("dx.user = {...dx.user, may_stop: true}; dx.draw()")
     assert page.locator(".stops [aria-disabled]").count() == 0, "where the panel lets anybody stop"
 

@@ -7,12 +7,12 @@ from typing import Any
 import pytest
 from support.live.browser import Site, until
 
-from controller.messages import said
+from controller.messages import message
 
 pytestmark = pytest.mark.slow
 
-WHY = said("ended.why", program="MDI G38.2 Z-5", line=1, why=said("probe.not_touched", code="G38.2"))
-CHANGE = said("changing", out=1, into=2, number=3, steps=7, step="Grip")
+WHY = message("ended.why", program="MDI G38.2 Z-5", line=1, why=message("probe.not_touched", code="G38.2"))
+CHANGE = message("changing", out=1, into=2, number=3, steps=7, step="Grip")
 
 
 @pytest.mark.parametrize("view", ["run", "jog"])
@@ -23,9 +23,9 @@ def test_why_a_run_ended_early_stands_where_the_operator_does_until_it_was_seen(
     page.evaluate(f"dx.show('{view}')")
     line = f"section[data-view={view}] .ended"
     page.wait_for_selector(f"{line} >> text=G38.2: the probe has come to the end of its way")
-    before = len(site.asked("seen"))
+    before = len(site.commands("seen"))
     page.click(f"{line} button")
-    until(lambda: len(site.asked("seen")) > before, "that it was seen")
+    until(lambda: len(site.commands("seen")) > before, "that it was seen")
     site.tell()
     page.wait_for_selector(line, state="detached")
 
@@ -37,7 +37,7 @@ def test_a_tool_change_is_told_in_the_chip_with_its_step(page: Any, site: Site) 
 
 
 def test_start_is_green_only_where_it_starts_and_says_with_what(page: Any, site: Site) -> None:
-    starts = said("starts", program="a.ngc", line=12, tool=4, offset="G55")
+    starts = message("starts", program="a.ngc", line=12, tool=4, offset="G55")
     job = {"name": "a.ngc", "sha256": "0", "state": "loaded", "starts": starts}
     start = "section[data-view=run] .cycle [data-call='POST cycle/start']"
     site.tell(mode="READY", job=job, can_start=True)

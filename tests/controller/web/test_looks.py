@@ -13,7 +13,7 @@ from support.live.browser import Site
 
 from controller.machine import machine_file
 from controller.service import status
-from controller.state.modes import Fault, told
+from controller.state.modes import Fault, fault_message
 
 pytestmark = pytest.mark.slow
 
@@ -24,7 +24,7 @@ SIZES = {
 ALARM = {
     "name": "FOLLOWING_ERROR",
     "axis": "Y",
-    **told(Fault.FOLLOWING_ERROR, "Y"),
+    **fault_message(Fault.FOLLOWING_ERROR, "Y"),
     "position_trusted": True,
 }
 CHANGER = {

@@ -45,34 +45,34 @@ def test_every_cycle_has_its_picture_and_its_values(probing: Any) -> None:
 
 
 def test_a_cycle_is_run_with_what_was_typed(probing: Any, site: Site) -> None:
-    before = len(site.asked("probe"))
+    before = len(site.commands("probe"))
     probing.select_option("[name=cycle]", "edge")
     probing.select_option("[name=towards]", "Y-")
     probing.fill("[name=most]", "7,5")
     probing.select_option("[name=offset]", "G55")
     run(probing)
-    made = until(lambda: site.asked("probe")[before:], "the cycle")[0][2]
+    made = until(lambda: site.commands("probe")[before:], "the cycle")[0][2]
     assert made == {"cycle": "edge", "values": {"towards": "Y-", "most": 7.5}, "offset": "G55"}
 
 
 def test_a_cycle_on_the_setter_sets_the_tool_and_no_offset(probing: Any, site: Site) -> None:
-    before = len(site.asked("probe"))
+    before = len(site.commands("probe"))
     probing.select_option("[name=offset]", "G55")
     probing.select_option("[name=cycle]", "tool_length")
     probing.select_option("[name=keep]", "yes")
     run(probing)
-    made = until(lambda: site.asked("probe")[before:], "the cycle")[0][2]
+    made = until(lambda: site.commands("probe")[before:], "the cycle")[0][2]
     values = {"most": 20.0, "turning": 0.0, "keep": "yes"}
     assert made == {"cycle": "tool_length", "values": values, "offset": "none"}
 
 
 def test_what_is_no_number_moves_nothing(probing: Any, site: Site) -> None:
-    before = len(site.asked("probe"))
+    before = len(site.commands("probe"))
     probing.select_option("[name=cycle]", "bore")
     probing.fill("[name=most]", "far")
     run(probing)
     probing.wait_for_selector("#dx-said:not([hidden])")
-    assert site.asked("probe")[before:] == []
+    assert site.commands("probe")[before:] == []
 
 
 def test_what_was_found_is_shown_as_a_table(probing: Any) -> None:

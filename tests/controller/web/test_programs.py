@@ -41,7 +41,7 @@ def test_a_program_is_dropped_and_loaded_from_the_second_line(page: Any, site: S
     page.fill(".places [name=line]", "2")
     page.fill(".places [name=fraction]", "25")
     page.click(".places button")
-    asked = until(lambda: site.asked("load"), "the loading")[-1][2]
+    asked = until(lambda: site.commands("load"), "the loading")[-1][2]
     assert (asked["name"], asked["line"], asked["fraction"]) == ("part.ngc", 2, 0.25)
     page.evaluate("dx.show('run')")
     page.wait_for_selector("#run-listing >> text=G1 X1 F100")
@@ -58,11 +58,11 @@ def test_a_program_is_loaded_for_a_dry_run_above_the_part_and_unloaded_again(pag
     page.fill(".places [name=dry]", "12.5")
     page.click(".places button")
     (asked,) = until(
-        lambda: [args for _, _, args in site.asked("load") if args["name"] == "dry.ngc"], "the loading"
+        lambda: [args for _, _, args in site.commands("load") if args["name"] == "dry.ngc"], "the loading"
     )
     assert asked["dry_run_mm"] == 12.5
     page.click(".program-acts >> text=Unload")
-    until(lambda: site.asked("unload"), "the unloading")
+    until(lambda: site.commands("unload"), "the unloading")
     page.wait_for_selector("tr[data-program='dry.ngc'] .chip:text-is('loaded')", state="detached")
     page.wait_for_selector(".program-acts >> text=Unload", state="detached")
 

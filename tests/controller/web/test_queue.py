@@ -58,7 +58,7 @@ def test_programs_are_queued_moved_counted_and_loaded(page: Any, site: Site) -> 
     page.evaluate("dx.show('run')")
     page.wait_for_selector(".queue-next >> text=Next in the queue: b.ngc, 1 of 5")
     page.click(".queue-next .queue-load:not([aria-disabled])")
-    until(lambda: [args["name"] for _, _, args in site.asked("load")] == ["b.ngc"], "the loading")
+    until(lambda: [args["name"] for _, _, args in site.commands("load")] == ["b.ngc"], "the loading")
     page.evaluate("dx.show('programs')")
     page.click(".queue-on:not([aria-disabled])")
     page.wait_for_selector(".queue-on[aria-pressed=true]")
@@ -116,5 +116,5 @@ def test_block_skip_loads_the_program_anew_and_shows_how_it_is_loaded(page: Any,
     for on in (True, False):
         page.click(f"#run-skip:not([aria-disabled])[aria-pressed={str(not on).lower()}]")
         page.wait_for_selector(f"#run-skip[aria-pressed={str(on).lower()}]")
-        assert bool(site.asked("load")[-1][2].get("block_delete")) is on
+        assert bool(site.commands("load")[-1][2].get("block_delete")) is on
     page.evaluate("dx.call('DELETE', 'job')")

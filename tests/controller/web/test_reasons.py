@@ -79,10 +79,10 @@ def test_a_mode_is_named_in_words(page: Any, site: Site) -> None:
     page.wait_for_selector("body[data-mode=HOLD]")
     said = "Possible in: Ready. The machine's state is: Hold."
     page.wait_for_selector(f"[data-call='POST cycle/start'][title=\"{said}\"]")
-    before = len(site.asked("start"))
+    before = len(site.commands("start"))
     page.click("[data-call='POST cycle/start']", force=True)
     page.wait_for_selector(f'#dx-said:has-text("{said}")')
-    assert len(site.asked("start")) == before
+    assert len(site.commands("start")) == before
 
 
 LONG = ("POST machine/home", "POST machine/enable")
@@ -93,10 +93,10 @@ def test_nothing_that_takes_long_is_offered_while_another_such_thing_is_done(pag
     site.tell(mode="OFF", sequence={"name": "reset", "state": "running"})
     for one in offered:
         page.wait_for_selector(f"{one}[aria-disabled=true][title='Resetting: wait until that is done.']")
-    before = len(site.asked("home"))
+    before = len(site.commands("home"))
     page.click(offered[0], force=True)
     page.wait_for_selector("#dx-said:has-text('Resetting: wait')")
-    assert page.locator(".dx-ask").count() == 0 and len(site.asked("home")) == before
+    assert page.locator(".dx-ask").count() == 0 and len(site.commands("home")) == before
     page.evaluate("dx.show('setup')")
     page.click("[data-setup=homing]")
     homes = "section[data-view=setup] [data-call='POST machine/home']"
@@ -137,18 +137,18 @@ def test_from_cold_to_motion_it_takes_five_clicks(page: Any, site: Site) -> None
     site.tell(mode="OFF", not_homed=["X", "Y"], job=None)
     page.wait_for_selector(".next strong:text-is('Home all axes.')")
     page.wait_for_selector("body[data-control=free]")
-    begun = len(site.asked())
+    begun = len(site.commands())
     page.click(f"{GUIDE} [data-call='POST machine/home']")
     page.wait_for_selector(".dx-ask >> text=The same yes takes control.")
     browser.yes(page)
-    browser.until(lambda: "home" in [one[1] for one in site.asked()[begun:]], "the homing")
+    browser.until(lambda: "home" in [one[1] for one in site.commands()[begun:]], "the homing")
     site.tell(mode="READY", not_homed=[], job=None)
     page.click(f"{GUIDE} [data-call='POST job']")
-    browser.until(lambda: "load" in [one[1] for one in site.asked()[begun:]], "the loading")
+    browser.until(lambda: "load" in [one[1] for one in site.commands()[begun:]], "the loading")
     site.tell(mode="READY", not_homed=[], job=LOADED)
     page.click(f"{GUIDE} [data-call='POST cycle/start']")
     browser.yes(page)
-    browser.until(lambda: "start" in [one[1] for one in site.asked()[begun:]], "the start")
+    browser.until(lambda: "start" in [one[1] for one in site.commands()[begun:]], "the start")
 
 
 def answered(told: dict[str, Any]) -> Any:

@@ -42,13 +42,13 @@ def test_what_was_interrupted_is_loaded_from_there_and_its_state_shown(
     offer = f"section[data-view={view}] .offer"
     page.wait_for_selector(f"{offer} >> text=part.ngc was interrupted at line 2, 80.8 % of its block")
     page.wait_for_selector(f"{offer} >> text=43.2 % of the program is done, 1:02:03 is left; tool 1 was in")
-    before = len(site.asked("load"))
+    before = len(site.commands("load"))
     page.click(f"{offer} button")
-    asked = until(lambda: site.asked("load")[before:], "the loading")[0][2]
+    asked = until(lambda: site.commands("load")[before:], "the loading")[0][2]
     assert asked["restart"] is True and "line" not in asked
     page.wait_for_selector(f"section[data-view={view}] .restart >> text=work offset G54")
     page.wait_for_selector(offer, state="hidden")
-    assert not site.asked("start")
+    assert not site.commands("start")
     page.evaluate("dx.call('DELETE', 'job')")
     page.wait_for_selector(offer)
 
@@ -69,7 +69,7 @@ def test_an_interrupted_program_is_started_from_its_beginning_only_by_name(
     site.tell(mode="READY", job=told)
     offer = "section[data-view=run] .run-cycle .offer"
     page.wait_for_selector(f"{offer} >> text=80.8 %")
-    before = len(site.asked("start"))
+    before = len(site.commands("start"))
     for question, restart in (
         ("part.ngc was interrupted at line 2. Start part.ngc from line 1 again", []),
         ("Start the loaded program?", ["tool 1"]),
@@ -81,4 +81,4 @@ def test_an_interrupted_program_is_started_from_its_beginning_only_by_name(
         page.wait_for_selector(f".dx-ask >> text={question}")
         page.keyboard.press("Escape")
         page.wait_for_selector(".dx-ask", state="detached")
-    assert len(site.asked("start")) == before
+    assert len(site.commands("start")) == before

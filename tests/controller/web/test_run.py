@@ -130,13 +130,13 @@ def is_off(page: Any, place: str) -> bool:
 
 
 def last_retract(site: Site, so_many: int) -> dict[str, Any]:
-    return until(lambda: site.asked("retract")[so_many - 1 :], "the way off")[0][2]  # type: ignore[no-any-return]
+    return until(lambda: site.commands("retract")[so_many - 1 :], "the way off")[0][2]  # type: ignore[no-any-return]
 
 
 def test_a_held_tool_goes_off_the_path_by_what_is_given_and_back_only_once_it_is_away(
     page: Any, site: Site
 ) -> None:
-    before = len(site.asked("retract"))
+    before = len(site.commands("retract"))
     page.evaluate("dx.call('POST', 'cycle/start')")
     page.wait_for_selector("body[data-mode=RUNNING]")
     page.wait_for_selector(f"{OFF}[aria-disabled=true]")
@@ -150,7 +150,7 @@ def test_a_held_tool_goes_off_the_path_by_what_is_given_and_back_only_once_it_is
     assert last_retract(site, before + 1) == {"mm": room_mm}
     page.wait_for_selector(f"{OFF}[aria-disabled=true]")
     page.click(f"{BACK}:not([aria-disabled=true])")
-    until(lambda: site.asked("return"), "the way back")
+    until(lambda: site.commands("return"), "the way back")
     page.fill(f"{BY}:enabled", "12.5")
     page.click(OFF)
     assert last_retract(site, before + 2) == {"mm": 12.5}
@@ -161,7 +161,7 @@ def test_a_held_tool_goes_off_the_path_by_what_is_given_and_back_only_once_it_is
 def test_from_ready_the_tool_goes_off_and_a_distance_that_is_too_long_is_refused_with_what_is_possible(
     page: Any, site: Site
 ) -> None:
-    before = len(site.asked("retract"))
+    before = len(site.commands("retract"))
     page.fill(f"{BY}:enabled", "280.5")
     page.click(OFF)
     room_mm = site.ask("status")["retract_room_mm"]
@@ -169,7 +169,7 @@ def test_from_ready_the_tool_goes_off_and_a_distance_that_is_too_long_is_refused
     page.wait_for_function(said)
     page.fill(BY, str(room_mm))
     page.click(OFF)
-    assert until(lambda: site.asked("retract")[before + 1 :], "the way off")[0][2] == {"mm": room_mm}
+    assert until(lambda: site.commands("retract")[before + 1 :], "the way off")[0][2] == {"mm": room_mm}
     assert is_off(page, BACK), "no program is held"
 
 
@@ -178,7 +178,7 @@ def test_two_steps_of_the_override_count_twice_however_fast_they_come(page: Any,
         "document.querySelectorAll('[data-override=\"10\"]').forEach((b) => { b.click(); b.click(); })"
     )
     page.wait_for_function("() => dx.status.override === 1.2")
-    assert [args["share"] for _, _, args in site.asked("override")][-2:] == [1.1, 1.2]
+    assert [args["share"] for _, _, args in site.commands("override")][-2:] == [1.1, 1.2]
     page.click("[data-call='PUT overrides/feed']")
     page.wait_for_function("() => dx.status.override === 1")
 
@@ -261,13 +261,13 @@ def test_what_is_typed_is_of_the_unit_that_is_shown(page: Any, site: Site) -> No
 
 def set_by_page(page: Any, site: Site, axis: str, typed: str | None) -> dict[str, Any]:
     """What is asked for where an axis is pressed, and a value typed."""
-    before = len(site.asked("set_offset"))
+    before = len(site.commands("set_offset"))
     page.click(f"[data-set={axis}]")
     page.wait_for_selector(".dx-ask >> text=G54")
     if typed:
         page.fill(".dx-ask input", typed)
     page.keyboard.press("Enter")
-    return dict(until(lambda: site.asked("set_offset")[before:], "the new origin")[0][2])
+    return dict(until(lambda: site.commands("set_offset")[before:], "the new origin")[0][2])
 
 
 def test_modal_codes_and_parts_made_are_shown(page: Any, site: Site) -> None:
@@ -283,25 +283,25 @@ def test_modal_codes_and_parts_made_are_shown(page: Any, site: Site) -> None:
 
 def test_spindle_coolant_and_clamps_are_told_by_hand(page: Any, site: Site) -> None:
     page.click("[data-spindle='-10']:not([aria-disabled=true])")
-    until(lambda: site.asked("spindle_override"), "the override")
-    assert site.asked("spindle_override")[-1][2] == {"share": 0.9}
+    until(lambda: site.commands("spindle_override"), "the override")
+    assert site.commands("spindle_override")[-1][2] == {"share": 0.9}
     page.click("[data-to=jog]")
     page.fill("#run-spindle", "1500")
     page.click("[data-hand=left]:not([aria-disabled=true])")
     page.wait_for_selector(".dx-ask >> text=1500")
     yes(page)
-    until(lambda: site.asked("spindle"), "the spindle")
-    assert site.asked("spindle")[-1][2] == {"rev_min": -1500.0}
+    until(lambda: site.commands("spindle"), "the spindle")
+    assert site.commands("spindle")[-1][2] == {"rev_min": -1500.0}
     page.click("[data-hand=off]")
-    until(lambda: site.asked("spindle")[-1][2] == {"rev_min": 0.0}, "the spindle off")
+    until(lambda: site.commands("spindle")[-1][2] == {"rev_min": 0.0}, "the spindle off")
     site.tell(coolant={"mist": True, "flood": False}, outputs={"a_open": False})
     page.wait_for_selector("[data-hand=mist][aria-pressed=true]")
     page.click("[data-hand=flood]")
-    until(lambda: site.asked("coolant"), "coolant")
-    assert site.asked("coolant")[-1][2] == {"mist": True, "flood": True}
+    until(lambda: site.commands("coolant"), "coolant")
+    assert site.commands("coolant")[-1][2] == {"mist": True, "flood": True}
     page.click("[data-hand='clamp A']")
-    until(lambda: site.asked("clamps"), "the clamp")
-    assert site.asked("clamps")[-1][2] == {"open": ["A"]}
+    until(lambda: site.commands("clamps"), "the clamp")
+    assert site.commands("clamps")[-1][2] == {"open": ["A"]}
 
 
 def test_load_and_share_stand_beside_the_feed_and_the_switch_is_there(page: Any, site: Site) -> None:
@@ -317,4 +317,4 @@ def test_load_and_share_stand_beside_the_feed_and_the_switch_is_there(page: Any,
 def test_the_switch_of_adaptive_feed_asks_the_machine(page: Any, site: Site) -> None:
     page.click("[data-toggle='PUT cycle/adaptive_feed']")
     page.wait_for_selector("[data-toggle='PUT cycle/adaptive_feed'][aria-pressed=true]")
-    assert [args for _, _, args in site.asked("adaptive_feed")] == [{"on": True}]
+    assert [args for _, _, args in site.commands("adaptive_feed")] == [{"on": True}]

@@ -10,7 +10,7 @@ from support.fakes.fake_socket import AXES
 from support.live import browser
 from support.live.browser import Site
 
-from controller.state.modes import Fault, told
+from controller.state.modes import Fault, fault_message
 from controller.web import files
 
 pytestmark = pytest.mark.slow
@@ -18,11 +18,16 @@ pytestmark = pytest.mark.slow
 ALARM = {
     "name": "FOLLOWING_ERROR",
     "axis": "Y",
-    **told(Fault.FOLLOWING_ERROR, "Y"),
+    **fault_message(Fault.FOLLOWING_ERROR, "Y"),
     "position_trusted": False,
 }
 # Of those with the longest text of what to do.
-LONG_ALARM = {"name": "SYNC_DOUBLED", "axis": "C", **told(Fault.SYNC_DOUBLED, "C"), "position_trusted": False}
+LONG_ALARM = {
+    "name": "SYNC_DOUBLED",
+    "axis": "C",
+    **fault_message(Fault.SYNC_DOUBLED, "C"),
+    "position_trusted": False,
+}
 CODES = [  # of each group the longest
     *("G38.2", "G17", "G21", "G90", "G94", "G42.1", "G43.4", "G54.1 P48", "G64 P0.0125", "G98", "G68.2"),
     *("M3", "M7 M8", "M48", "T10045", "H10045", "D10045", "F12500.5", "S24000"),

@@ -25,12 +25,12 @@ def part(page: Any, name: str) -> None:
 
 def test_one_axis_is_homed_after_a_question(setup: Any, site: Site) -> None:
     part(setup, "homing")
-    before = len(site.asked("home"))
+    before = len(site.commands("home"))
     setup.click("#setup-homing tr:nth-child(2) button")
     setup.wait_for_selector(".dx-ask >> text=Home Y? It will move.")
-    assert len(site.asked("home")) == before
+    assert len(site.commands("home")) == before
     browser.yes(setup)
-    assert until(lambda: site.asked("home")[before:], "homing")[0][2] == {"axes": ["Y"]}
+    assert until(lambda: site.commands("home")[before:], "homing")[0][2] == {"axes": ["Y"]}
 
 
 def test_an_offset_is_typed_and_saved_also_with_a_decimal_comma(setup: Any, site: Site) -> None:
@@ -39,7 +39,7 @@ def test_an_offset_is_typed_and_saved_also_with_a_decimal_comma(setup: Any, site
     setup.fill(f"{row} [data-field=X]", "12,5")
     setup.fill(f"{row} [data-field=rZ]", "-30")
     setup.click(f"{row} td:last-child button")
-    asked = until(lambda: site.asked("set_offset"), "the offset")[-1][2]
+    asked = until(lambda: site.commands("set_offset"), "the offset")[-1][2]
     assert asked["name"] == "G54"
     assert asked["values"]["origin_mm"][0] == 12.5
     assert asked["values"]["turned_deg"] == [0.0, 0.0, -30.0]
@@ -54,29 +54,29 @@ def test_an_offset_that_nobody_has_set_says_so(setup: Any, site: Site) -> None:
 
 def test_what_is_no_number_is_not_saved(setup: Any, site: Site) -> None:
     part(setup, "offsets")
-    before = len(site.asked("set_offset"))
+    before = len(site.commands("set_offset"))
     row = "#setup-offsets tr[data-row=G54]"
     setup.fill(f"{row} [data-field=X]", "abc")
     setup.click(f"{row} td:last-child button")
     setup.wait_for_selector("#dx-said:has-text('A number is needed.')")
-    assert len(site.asked("set_offset")) == before
+    assert len(site.commands("set_offset")) == before
 
 
 def test_an_offset_and_a_length_are_set_by_what_a_figure_is_to_read(setup: Any, site: Site) -> None:
     """As it is typed: the service does the arithmetic."""
     part(setup, "offsets")
-    before = len(site.asked("set_offset"))
+    before = len(site.commands("set_offset"))
     setup.click("#setup-offsets tr[data-row=G54] button >> nth=0")
     setup.fill(".dx-ask input", "+0.1")
     browser.yes(setup)
-    asked = until(lambda: site.asked("set_offset")[before:], "the offset")[0][2]
+    asked = until(lambda: site.commands("set_offset")[before:], "the offset")[0][2]
     assert asked == {"name": "G54", "reads": {"X": "+0.1"}, "tool": None}
     part(setup, "tools")
-    before = len(site.asked("set_tool"))
+    before = len(site.commands("set_tool"))
     setup.click("[data-touch-length='1']")
     setup.fill(".dx-ask input", "5/2")
     browser.yes(setup)
-    asked = until(lambda: site.asked("set_tool")[before:], "the length")[0][2]
+    asked = until(lambda: site.commands("set_tool")[before:], "the length")[0][2]
     assert asked == {"number": 1, "reads": {"Z": "5/2"}}
 
 
@@ -99,17 +99,17 @@ def test_the_tool_in_the_spindle_touches_off_again_after_a_change_whatever_was_p
     setup.select_option("#setup-tool", "7")
     asked = touch_asked(setup, 2)
     assert "G43 with T7" in asked and "in the spindle is T1" in asked
-    before = len(site.asked("set_offset"))
+    before = len(site.commands("set_offset"))
     browser.yes(setup)
-    made = until(lambda: site.asked("set_offset")[before:], "the offset")[0][2]
+    made = until(lambda: site.commands("set_offset")[before:], "the offset")[0][2]
     assert made == {"name": "G54", "reads": {"Z": "0"}, "tool": 7}
     for number in (7, 1):
         site.tell(tool=number)
         setup.wait_for_function("(n) => document.querySelector('#setup-tool').value === n", arg=str(number))
         assert "G43" not in touch_asked(setup, 2)
-        before = len(site.asked("set_offset"))
+        before = len(site.commands("set_offset"))
         browser.yes(setup)
-        made = until(lambda at=before: site.asked("set_offset")[at:], "the offset")[0][2]
+        made = until(lambda at=before: site.commands("set_offset")[at:], "the offset")[0][2]
         assert made["tool"] is None
     setup.select_option("#setup-tool", "7")
     setup.evaluate("dx.show('run'); dx.show('setup')")
@@ -131,9 +131,9 @@ def test_only_what_was_typed_is_saved_and_what_is_typed_elsewhere_stays(setup: A
     setup.wait_for_selector(f"{one} [data-field=X]:not([data-typed])")
     assert setup.input_value(f"{other} [data-field=X]") == "7"
     setup.evaluate("dx.call('PUT', 'offsets/G55', {origin_mm: [1, 4.5, 3], turned_deg: [0, 0, 0]})")
-    before = len(site.asked("set_offset"))
+    before = len(site.commands("set_offset"))
     setup.click(f"{other} td:last-child button")
-    made = until(lambda: site.asked("set_offset")[before:], "the offset")[0][2]
+    made = until(lambda: site.commands("set_offset")[before:], "the offset")[0][2]
     assert made["values"]["origin_mm"] == [7.0, 4.5, 3.0]
     setup.fill(f"{one} [data-field=Z]", "99")
     setup.keyboard.press("Escape")
@@ -158,12 +158,12 @@ def test_what_is_typed_stays_when_saving_was_refused(setup: Any, site: Site) -> 
 def test_a_tool_that_is_there_is_not_written_over_by_one_that_is_added(setup: Any, site: Site) -> None:
     part(setup, "tools")
     for number, said in (("1", "T1 is in the table already"), ("2.5", "A whole number from 1 to 99999")):
-        before = len(site.asked("set_tool"))
+        before = len(site.commands("set_tool"))
         setup.click("#setup-add")
         setup.fill(".dx-ask input", number)
         browser.yes(setup)
         setup.wait_for_selector(f"#dx-said:has-text('{said}')")
-        assert len(site.asked("set_tool")) == before
+        assert len(site.commands("set_tool")) == before
 
 
 def test_the_drives_are_shown_as_the_service_tells_that_they_are_set_up(setup: Any, site: Site) -> None:
@@ -193,17 +193,17 @@ def test_a_tool_is_added_changed_and_taken_away(setup: Any, site: Site) -> None:
     setup.wait_for_selector(row)
     for name, value in (("name", "ball"), ("radius_mm", "2.5"), ("corner_mm", "2.5"), ("taper_deg", "3")):
         setup.fill(f"{row} [data-field={name}]", value)
-    before = len(site.asked("set_tool"))
+    before = len(site.commands("set_tool"))
     setup.click(f"{row} td:last-child button >> nth=0")
-    asked = until(lambda: site.asked("set_tool")[before:], "the tool")[0][2]
+    asked = until(lambda: site.commands("set_tool")[before:], "the tool")[0][2]
     assert asked == {
         **{"number": 2, "name": "ball", "radius_mm": 2.5, "length_mm": 0.0, "flute_mm": 15.0},
         **{"corner_mm": 2.5, "taper_deg": 3.0},
     }
     setup.wait_for_selector("#dx-said:has-text('T2 is saved.')")
-    before = len(site.asked("set_tool"))
+    before = len(site.commands("set_tool"))
     setup.uncheck(f"{row} [data-field=centre_cutting]")
-    asked = until(lambda: site.asked("set_tool")[before:], "the centre")[0][2]
+    asked = until(lambda: site.commands("set_tool")[before:], "the centre")[0][2]
     assert (asked["number"], asked["radius_mm"], asked["centre_cutting"]) == (2, 2.5, False)
     setup.click(f"{row} td:last-child button >> nth=1")
     browser.yes(setup)
@@ -380,7 +380,7 @@ def test_a_tool_is_shown_as_it_looks_and_its_wear_is_typed(setup: Any, site: Sit
     setup.fill("#setup-tools tr[data-row='1'] [data-field=wear_length_mm]", "-0,02")
     setup.click("#setup-tools tr[data-row='1'] td:last-child button")
     asked = until(
-        lambda: [args for _, _, args in site.asked("set_tool") if args.get("wear_length_mm")], "wear"
+        lambda: [args for _, _, args in site.commands("set_tool") if args.get("wear_length_mm")], "wear"
     )
     assert asked[-1]["wear_length_mm"] == -0.02 and "wear_radius_mm" not in asked[-1]
     links = setup.eval_on_selector_all("[data-part=tools] a[download]", "all => all.map((a) => a.pathname)")
@@ -394,7 +394,7 @@ def test_a_table_of_tools_is_taken_in_and_what_is_missing_of_it_is_asked_for(set
     setup.fill(".dx-ask input", "12,5")
     browser.yes(setup)
     setup.wait_for_selector("#setup-tools tr[data-row='77']")
-    (taken,) = [args for _, _, args in site.asked("set_tool") if args["number"] == 77]
+    (taken,) = [args for _, _, args in site.commands("set_tool") if args["number"] == 77]
     assert (taken["radius_mm"], taken["flute_mm"], taken["name"]) == (3.0, 12.5, "mill")
     bad = {**table, "buffer": b"T77 foo"}
     setup.set_input_files("[data-part=tools] input[type=file]", files=[bad])
@@ -414,7 +414,7 @@ def test_an_offset_that_was_set_here_can_be_as_the_machine_file_says_again(setup
     setup.click("[data-forget=G54]")
     setup.wait_for_selector(".dx-ask >> text=G54 is to be as the machine file says again?")
     browser.yes(setup)
-    assert until(lambda: site.asked("forget"), "the offset")[-1][2] == {"name": "G54"}
+    assert until(lambda: site.commands("forget"), "the offset")[-1][2] == {"name": "G54"}
     setup.evaluate("dx.call('PUT', 'offsets/G54', {origin_mm: [0, 0, 0], turned_deg: [0, 0, 0]})")
 
 
@@ -427,4 +427,4 @@ def test_a_tool_in_a_thread_is_withdrawn_or_said_to_be_out(page: Any, site: Site
     ):
         page.click(f"#run-{button}")
         browser.yes(page)
-        assert until(lambda: [a for _, _, a in site.asked("withdraw") if a == sent], "out of it")  # noqa: B023
+        assert until(lambda: [a for _, _, a in site.commands("withdraw") if a == sent], "out of it")  # noqa: B023

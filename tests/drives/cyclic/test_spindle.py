@@ -10,7 +10,7 @@ from support.drives.group_bench import GroupBench, T, nodes, spindle
 from drives import pdo
 from drives.cia402 import State, Wanted
 from drives.cyclic.drive_fault import DriveFault
-from drives.cyclic.spindle import MOST_AHEAD, SpindleDrive
+from drives.cyclic.spindle import MAX_AHEAD, SpindleDrive
 from drives.profile import GENERIC, Supervision
 from drives.pump.plan_memory import FOLLOWS
 from drives.settings import SpindleSettings
@@ -303,7 +303,7 @@ def test_which_sync_its_position_answers_is_known_where_one_is_early_lost_or_the
     assert [after(n) for n in (2, 0, 1)] == [0, 1, 1]  # a late look finds the answer to its own SYNC
     assert [after(n) for n in (0, 0, 1, 1)] == [2, 3, 1, 1]  # two were lost
     assert after(2) == 0
-    assert [after(1) for _ in range(MOST_AHEAD)][-2:] == [0, 1]  # so long: one was there twice
+    assert [after(1) for _ in range(MAX_AHEAD)][-2:] == [0, 1]  # so long: one was there twice
 
 
 def test_a_spindle_s_feedback_of_wrong_length_is_counted_and_not_used():

@@ -26,8 +26,8 @@ def test_nothing_is_missed_before_the_first_request():
 
 def test_answers_are_missed_from_the_first_request_on():
     node = guarded()
-    node.asked(1.0)
-    node.asked(1.1)
+    node.request_sent(1.0)
+    node.request_sent(1.1)
     assert not node.silent(1.2, CONSUMER_S)
     assert node.silent(1.21, CONSUMER_S)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import random
 from collections.abc import Sequence
 
 import pytest
@@ -165,6 +166,44 @@ def test_silence_ends_with_a_beginning_only() -> None:
     bench.publish(period + 2, 5)
     assert bench.play().phase is Phase.NOMINAL
     assert bench.ports[0].last()[1] == command(0, period + 2)
+
+
+@pytest.mark.parametrize("silences", [0, 3])
+@pytest.mark.parametrize("late", [0, 1, HOLD + 9])
+def test_a_beginning_whose_rows_are_over_is_none(silences: int, late: int) -> None:
+    bench = Bench()
+    if silences:
+        bench.publish(0, 2)
+    for _ in range(silences and 2 + HOLD + silences):
+        bench.play()
+    bench.ports[0].last()
+    bench.publish(bench.player.period + 1 - 4 - late, 4)  # a pump that was away takes its looks late
+    played = bench.play()
+    assert played.phase is Phase.SILENT and bench.ports[0].last() == []
+    bench.publish(bench.player.period + 1 - 3, 4)
+    assert bench.play().phase is Phase.NOMINAL, "the last of its rows is enough"
+    assert bench.ports[0].last()[1] == command(0, bench.player.period)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_whatever_is_published_and_however_late_each_setpoint_is_of_a_row_or_as_before(seed: int) -> None:
+    chance = random.Random(seed)
+    bench, before, silent = Bench(), None, True
+    for _ in range(400):
+        next_ = bench.player.period + 1
+        if chance.random() < 0.6:
+            late = chance.choice((0, 0, 0, 1, 2, 5, 12))
+            bench.publish(next_ - late, chance.randrange(1, 8), anew=silent or chance.random() < 0.1)
+        if chance.random() < 0.03:
+            bench.player.slip(chance.choice((0.5, LONG_GAP + 1.0)))
+        phase = bench.play().phase
+        silent = phase in (Phase.SILENT, Phase.GAP)
+        heard = bench.ports[0].last()
+        assert bool(heard) is (phase is not Phase.SILENT)
+        if heard:
+            expected = next_ if phase is Phase.NOMINAL else before
+            assert heard == [SYNC, *(command(i, 100 * i + expected) for i in range(3))]
+            before = expected
 
 
 def test_a_drive_that_does_not_follow_gets_the_position_where_it_is() -> None:

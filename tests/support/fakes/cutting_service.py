@@ -21,7 +21,7 @@ from controller.ipc.control_socket import control_path
 from controller.machine import machine_file
 from controller.plan.report.passing import OWN
 from controller.plan.restart.program_position import LinePart
-from controller.runtime.plan_messages import Way
+from controller.runtime.plan_messages import MotionFacts
 from controller.service.command_handlers import CommandHandlers
 from controller.service.owners import JOURNAL
 from controller.service.service import Service
@@ -53,7 +53,7 @@ def cut(service: Service) -> None:
         while service.sequencer.busy:
             time.sleep(LOOK_S)
     arc, lines = arc_length.of(Line(ZERO, (END_MM, 0.0, 0.0))), (LinePart(0.0, LINE, 0.0, 1 / END_MM),)
-    way = Way(JOINTS, 10.0, "cut", end_s=END_MM, arc=arc, lines=lines)
+    way = MotionFacts(JOINTS, 10.0, "cut", end_s=END_MM, arc=arc, lines=lines)
     heard(service, finished=False, ways={BLOCK: way})
     assert service.run.job is not None
     service.run.job.take()

@@ -14,7 +14,7 @@ from controller.ipc.control_socket import CommandRefused
 from controller.ipc.handoff import Recorder
 from controller.machine import machine_file
 from controller.machine.setup_data import tools_of
-from controller.messages import said
+from controller.messages import message
 from controller.service import diagnostics
 from controller.service.jogging import Presses
 
@@ -102,7 +102,7 @@ class FakeDoor:
     def answer(self, verb: str, args: dict[str, Any]) -> dict[str, Any]:
         """As the service's handler. Raises CommandRefused."""
         if not self.there:
-            raise CommandRefused("gone", said("no_service"))
+            raise CommandRefused("gone", message("no_service"))
         if verb == "rows":
             return diagnostics.rows(self.recorder, args)
         looks_at = {

@@ -26,7 +26,7 @@ from controller.api.programs import Program, ProgramCheck
 from controller.api.store import Store
 from controller.ipc.handoff import blank
 from controller.machine import machine_file, setup_data
-from controller.messages import Key, said
+from controller.messages import Key, message
 from controller.plan.report.picture import Shape
 from controller.plan.report.verdict import Verdict
 from controller.program import blocks
@@ -35,7 +35,7 @@ from controller.service import status, usage
 from controller.service.next_step import next_step
 from controller.service.refusals import refused
 from controller.service.usage import Usage
-from controller.state.modes import ALL_AXES, Fault, Mode, told
+from controller.state.modes import ALL_AXES, Fault, Mode, fault_message
 from controller.verify import wording
 from controller.web.server import add_page
 
@@ -67,7 +67,7 @@ class MovingDoor(FakeDoor):
         if verb in WEARS:
             return getattr(usage, verb)(self._usage, args)
         if verb == "usage":
-            return self._usage.told()
+            return self._usage.to_json()
         if verb in self._overrides:
             self._overrides[verb] = args["share"]
         if verb in self._switches:
@@ -181,13 +181,13 @@ UNTOLD: dict[str, Any] = {
     **{"no_resume": None, "stands_at_stop": False, "restart": {"offered": False}, "notices": []},
 }
 STATE_THERE = [
-    said("at.tool", tool=1, offset="G54", length="0.000"),
-    said("at.spindle", rev_min="12000", coolant=Key("at.off"), feed=Key("at.none")),
+    message("at.tool", tool=1, offset="G54", length="0.000"),
+    message("at.spindle", rev_min="12000", coolant=Key("at.off"), feed=Key("at.none")),
 ]
 FAULT = {
     "name": "ESTOP",
     "axis": None,
-    **told(Fault.EMERGENCY_STOP),
+    **fault_message(Fault.EMERGENCY_STOP),
     "recovery": "reset",
     "position_trusted": True,
     "recording": None,
@@ -347,7 +347,7 @@ PASSED = {
         ],
         "left_out": 0,
     },
-    "notes": [{"line": 19, **said("join.agrees", name=said("join.block", line=10))}],
+    "notes": [{"line": 19, **message("join.agrees", name=message("join.block", line=10))}],
 }
 
 
@@ -355,7 +355,7 @@ HARD = [
     {**row, **({"jerk_share": 1.023, "over": ["jerk"]} if row["name"] == "X" else {"jerk_share": 1.009})}
     for row in PASSED["joints"]  # type: ignore[attr-defined]
 ]
-EXCEEDING = wording.told(
+EXCEEDING = wording.to_json(
     [Verdict(19, 2, 0.05, 0.4831, 0.0, 1.0, 0.0, 10.0, (38.0, 22.0, 10.0), "lead out", 19, ("double",), 0.0)]
 )
 

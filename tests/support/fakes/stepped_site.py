@@ -109,7 +109,7 @@ class SteppedDoor(MovingDoor):
 
     def facts(self) -> dict[str, Any]:
         made = self.machine
-        return status.facts(made, setup_data.told(made, {}))
+        return status.facts(made, setup_data.to_json(made, {}))
 
     def buses(self) -> dict[str, Any]:
         return diagnostics.buses(self.machine, self.logs, self.bench.recorder)

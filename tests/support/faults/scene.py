@@ -91,7 +91,7 @@ class Scene(SteppedMachine):
         if not self.planner_dead:
             super()._plan()
 
-    def _was_asked(self, events: Sequence[Event], n: int) -> bool:
+    def _is_operator_hold(self, events: Sequence[Event], n: int) -> bool:
         return True  # every hold here is the operator's
 
     def _goes_on(self, waiting: Sequence[Event], asked: bool) -> bool:

@@ -118,8 +118,8 @@ class Site:
         part.write_text(json.dumps(values))
         part.replace(whole)  # never seen half written
 
-    def asked(self, *verbs: str) -> list[tuple[float, str, dict[str, Any]]]:
-        """What the fake machine was asked: (seconds since 1970, verb, arguments)."""
+    def commands(self, *verbs: str) -> list[tuple[float, str, dict[str, Any]]]:
+        """The commands that the fake machine got: (seconds since 1970, verb, arguments)."""
         lines = (self.folder / "asked.jsonl").read_text().splitlines()
         found = [tuple(json.loads(line)) for line in lines]
         return [one for one in found if not verbs or one[1] in verbs]

@@ -99,7 +99,7 @@ class Stamps:
 
 def _drain(joined: socket.socket, heard: bytearray) -> None:
     with contextlib.suppress(BlockingIOError):
-        while packet := joined.recv(hub_protocol.MOST_FRAMES * TIMED.size):
+        while packet := joined.recv(hub_protocol.MAX_FRAMES * TIMED.size):
             if len(packet) % TIMED.size == 0:  # a frame without time came before the hub had heard of us
                 heard += packet
 

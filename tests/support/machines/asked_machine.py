@@ -8,7 +8,7 @@ from support.machines.spindle_machine import SPINDLE, mill
 
 from controller.ipc.handoff import Jog, Outcome, Snapshot, send_jog
 from controller.machine import machine_file
-from controller.messages import Said
+from controller.messages import Message
 from controller.plan.planner import Planner
 from controller.plan.restart.program_position import Spot
 from controller.plan.retract import NotPossible
@@ -69,7 +69,7 @@ class Taken:
     request: Request
     before: Mode
     after: Mode
-    refusal: Said | None  # that it must have
+    refusal: Message | None  # that it must have
     sound: bool  # its value is one
 
 
@@ -113,7 +113,7 @@ class AskedMachine:
         cycle.answers.give = given  # type: ignore[method-assign]
         cycle._request = requested  # type: ignore[method-assign]
 
-    def _refusal(self, request: Request) -> Said | None:
+    def _refusal(self, request: Request) -> Message | None:
         cycle = self.bench.cycle
         modes, follow = cycle.modes, cycle.follow
         standing = follow.at_rest and not (request is Request.JOG and follow.stopping)
@@ -198,7 +198,7 @@ class AskedMachine:
         except NotPossible:
             return
         for _ in range(TOLD_TICKS):
-            if planner.told(self.now):
+            if planner.is_path_accepted(self.now):
                 break
             self.ticks(1)
         self.ask(Request.RESUME)

@@ -16,7 +16,7 @@ from pathlib import Path
 from controller.machine import machine_file
 from controller.machine.model import Machine
 from controller.machine.tool_store import SPINDLE, ToolStore, placed
-from controller.messages import said, text
+from controller.messages import message, text
 from controller.motion.pieces import STANDSTILL
 from controller.plan.stretch import Chain, Pause
 from controller.runtime import checked, starts
@@ -205,11 +205,11 @@ class Magazine:
         self._node, self._x_mm, self._before = node, x_mm, node.outputs
         for name in self.switches:
             node.unwire(self._in[name])
-        node.watchers.append(self._told)
+        node.watchers.append(self._switch_outputs)
         self._show(node.now_s)
-        self._told(node.outputs, node.now_s)
+        self._switch_outputs(node.outputs, node.now_s)
 
-    def _told(self, word: int, now_s: float) -> None:
+    def _switch_outputs(self, word: int, now_s: float) -> None:
         node, changed, self._before = self._node, word ^ self._before, word
         assert node is not None
         self.changed += 1
@@ -325,7 +325,7 @@ class ChangerBench:
             self.stepped,  # type: ignore[arg-type]
             lambda name, what: self.alarms.append((name, text(what))),
             self.machine.period_s,
-            lambda tool: said("change_worn", **WORN, number=tool) if tool in self.worn else None,
+            lambda tool: message("change_worn", **WORN, number=tool) if tool in self.worn else None,
             self.machine.io,
         )
 
@@ -382,14 +382,14 @@ class ChangerBench:
             moved = stepped.joints != before or self.magazine.changed != switched
             self.never_lost()
             if moved and now.mode is Mode.RUNNING and not (self.cutting or self.moves_between):
-                self.knows_what_moves()
+                self.check_step_is_stored()
             if self.magazine.changed != switched and self.cutting:
                 assert self.store.preparation is not None, "it switches what the disk does not know"
             self.changer.look(now)
             if now.mode is Mode.READY:
                 self.changer.ended()
                 return "done" if self.store.step is None else "refused"
-            if now.mode is Mode.HOLD and (now.fault is Fault.INPUT_MISSING or self.changer.told()["held"]):
+            if now.mode is Mode.HOLD and (now.fault is Fault.INPUT_MISSING or self.changer.to_json()["held"]):
                 return "held"
         return ""
 
@@ -421,7 +421,7 @@ class ChangerBench:
             may = {SPINDLE, unsure[tool]} if tool in unsure else {places.get(tool)}
             assert real in may, (tool, real, self.store.step, places)
 
-    def knows_what_moves(self) -> None:
+    def check_step_is_stored(self) -> None:
         """Nothing moves in a step that is not known to the disk."""
         assert self.store.known
         assert self.store.step is not None

@@ -82,7 +82,7 @@ def stretches(
     if in_spindle is not None:
         machine = replace(machine, in_spindle=in_spindle)
     asked = source(text, machine, start=start)
-    tracer = path.Tracer(asked.name, machine, asked.kinematics, asked.start, asked.chosen or {})
+    tracer = path.PathBuilder(asked.name, machine, asked.kinematics, asked.start, asked.chosen or {})
     chains = [item for item in tracer.items(asked.blocks) if isinstance(item, Chain)]
     return dict(enumerate(stretch for chain in chains for stretch in chain.stretches))
 
@@ -174,7 +174,7 @@ def until(stepped: SteppedMachine, *modes: Mode) -> np.ndarray:
 
 def along(stepped: SteppedMachine) -> np.ndarray:
     """The way that the planner was asked for is told, gone along, and held at its end."""
-    rows = stepped.go(2000, lambda: stepped.planner.told(stepped.board.read()))  # type: ignore[arg-type]
+    rows = stepped.go(2000, lambda: stepped.planner.is_path_accepted(stepped.board.read()))  # type: ignore[arg-type]
     stepped.request(Request.RESUME)
     return np.concatenate([rows, stepped.go(5), until(stepped, Mode.HOLD)])
 

@@ -486,13 +486,13 @@ def drawn(rng: random.Random, machine: Machine, ticks: int, first: int = 0) -> t
         for place in places:
             for k in range(rng.choice((1, 1, 2, 4))):
                 slow[place + k] = rng.uniform(0.0, rng.choice((0.5, 1.0, 2.0, 5.0)) * machine.period_s)
-    asked = _asked(rng) if rng.random() < 0.25 else ()
+    asked = _requests(rng) if rng.random() < 0.25 else ()
     to_end = rng.random() < 0.1 or bool(asked)
     within = kind.endswith("within")
     return rng.randrange(first, ticks), Late(kind, late, slow, asked, within, to_end)
 
 
-def _asked(rng: random.Random) -> list[Event]:
+def _requests(rng: random.Random) -> list[Event]:
     """Near the late ticks, and all over in the end."""
     found = []
     for _ in range(rng.randrange(1, 4)):

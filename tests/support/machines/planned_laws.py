@@ -12,7 +12,7 @@ from controller.ipc.handoff import Law
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
 from controller.plan.feed import profile
-from controller.plan.feed.course import Course
+from controller.plan.feed.course import FeedCourse
 from controller.plan.path.path import Chain
 from controller.plan.stretch import Stretch, rotaries_of
 
@@ -27,7 +27,7 @@ def laws_of(stretches: Sequence[Stretch], machine: Machine, override: float = 1.
     kinematics = kinematics_of(machine)
     laws = []
     for run in profile.split_at_stops(stretches, machine, kinematics, override):
-        course = Course(run, machine, kinematics, override)
+        course = FeedCourse(run, machine, kinematics, override)
         planned = profile.plan(course)
         assert planned is not None
         laws += [law for _, law in planned.laws(course)]

@@ -81,7 +81,7 @@ class Site(AskedMachine):
         if self.rng.random() < 0.5:
             self._say("arm", self.arm)
             if self.rng.random() < 0.7:
-                self._asked(Request.START)
+                self._make_request(Request.START)
                 self.ticks(self.rng.randint(*GAP))
         for _ in range(self.rng.randint(*LENGTH)):
             self._something()
@@ -119,9 +119,9 @@ class Site(AskedMachine):
         else:
             for _ in range(BURST if chance > 0.99 else 1):
                 fitting = [request for mode, request in TRANSITIONS if mode is self.mode]
-                self._asked(choice(fitting if fitting and self.rng.random() < 0.4 else ASKED))
+                self._make_request(choice(fitting if fitting and self.rng.random() < 0.4 else ASKED))
 
-    def _asked(self, request: Request) -> None:
+    def _make_request(self, request: Request) -> None:
         if request is Request.JOG:
             length = self.rng.choice((math.inf, 0.5, 3.0, -1.0, math.nan))
             line = Jog(self.rng.choice(DIRECTIONS), self.rng.choice((1.0, 20.0, 0.0, math.inf)), length)

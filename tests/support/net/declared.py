@@ -133,7 +133,7 @@ def verbs() -> str:
             desk = CommandHandlers(service)
             try:
                 for verb in _verbs_of(desk):
-                    found.setdefault(verb, set()).update(_asked(desk, service, verb))
+                    found.setdefault(verb, set()).update(_read_arguments(desk, service, verb))
             finally:
                 desk.close()
                 service.close()
@@ -148,7 +148,7 @@ def _verbs_of(desk: CommandHandlers) -> list[str]:
     raise AssertionError("a verb that there is not was done")
 
 
-def _asked(desk: CommandHandlers, service: Any, verb: str) -> set[str]:
+def _read_arguments(desk: CommandHandlers, service: Any, verb: str) -> set[str]:
     """What a machine that stands, with a program loaded, reads of the arguments; before it refuses, if so."""
     program = service.state / "part.ngc"
     program.write_text("G21 G90\nG4 P0.1\nM30\n")

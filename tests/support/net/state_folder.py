@@ -143,7 +143,7 @@ def _of_service(scratch: Path) -> Iterator[str]:
             yield from normal.lines({key: run[key] for key in ("result", "name") if key in run}, "run")
         for alarm in service.alarms.list():
             yield from normal.lines({"name": alarm["name"]}, "alarm")
-        used = service.usage.told()
+        used = service.usage.to_json()
         yield from normal.lines([[one["number"], one["worn"]] for one in used["tools"]], "usage")
         yield from normal.lines([one["name"] for one in used["items"]], "maintenance")
     finally:

@@ -9,7 +9,7 @@ from support.machines.stepped_runs import Cut
 
 from controller.geometry.placement import Blended
 from controller.motion.motions import SurfaceCut
-from controller.plan.feed.course import Course
+from controller.plan.feed.course import FeedCourse
 from controller.plan.feed.limits import JointLimits
 from controller.plan.stretch import Stretch
 
@@ -21,6 +21,6 @@ def allowed_mm_s(stretch: Stretch, done: Cut, beside_mm: float, at_end: bool = F
     surface = motion.surface
     bare = replace(motion, surface=replace(surface, blends=()) if isinstance(surface, Blended) else surface)
     s = np.linspace(0.001, min(beside_mm, bare.end - 0.001), 41)
-    course = Course((replace(stretch, motion=bare),), done.machine, done.kinematics)
+    course = FeedCourse((replace(stretch, motion=bare),), done.machine, done.kinematics)
     rates = course.derivatives(bare.end - s if at_end else s)
     return float(JointLimits.of(done.machine).path_speed(rates).min())

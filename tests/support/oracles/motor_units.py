@@ -27,7 +27,7 @@ def judge(drive: Drive, folder: Path) -> str:
         assert not drive.sound, f"refused without a reason: {error}"
         return f"refused: {error}"
     assert drive.velocity_unit is not None, "nobody knows its unit, and it was not refused"
-    _told(drive, bench)
+    _check_written(drive, bench)
     _homed(drive, bench)
     _moved(drive, bench)
     return _stopped(drive, bench)
@@ -43,7 +43,7 @@ def _quick(drive: Drive) -> float:
     return _number(" ".join(drive.axis.extra), "quick_stop") or drive.axis.acceleration
 
 
-def _told(drive: Drive, bench: Bench) -> None:
+def _check_written(drive: Drive, bench: Bench) -> None:
     """What was written, by what its unit physically is."""
     get, axis = bench.device.dictionary.get, drive.axis
     velocity = drive.velocity_unit

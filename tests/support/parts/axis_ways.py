@@ -12,7 +12,7 @@ from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Joints, Machine
 from controller.motion.motions import JointMove
 from controller.plan.lines import moves
-from controller.plan.stretch import Voice
+from controller.plan.stretch import Diagnostics
 from controller.program import blocks
 from controller.program.position import Position, homed
 from controller.program.program import JointArc, JointLine
@@ -38,7 +38,7 @@ def fanuc_mill(**fields: Any) -> Machine:
 
 def ways(text: str, on: Machine, samples: int) -> list[Way]:
     """Of each line and arc, ``samples`` steps long. Raises ProgramError."""
-    chain, position, voice = kinematics_of(on), Position(on, homed(on)), Voice("p", lambda _, __: None)
+    chain, position, voice = kinematics_of(on), Position(on, homed(on)), Diagnostics("p", lambda _, __: None)
     origin, found = on.offsets[0].origin, list[Way]()
     for block in blocks.stream(text.encode(), on, "p"):
         now: Joints = tuple(q or 0.0 for q in position.joints())

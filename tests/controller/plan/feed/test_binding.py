@@ -15,7 +15,7 @@ from controller.ipc.handoff import Law
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Limits, Machine
 from controller.plan.feed import binding, profile
-from controller.plan.feed.course import Course
+from controller.plan.feed.course import FeedCourse
 from controller.plan.feed.law import straight
 from controller.state.modes import Binding, axis_binding
 
@@ -29,16 +29,16 @@ def limited(name: str, limits: Limits) -> Machine:
     return replace(built, axes=axes)
 
 
-def line(text: str, built: Machine) -> Course:
+def line(text: str, built: Machine) -> FeedCourse:
     """The course of the last move of a program."""
-    return Course(stretches(trace(text, built))[-1:], built, kinematics_of(built))
+    return FeedCourse(stretches(trace(text, built))[-1:], built, kinematics_of(built))
 
 
-def even(course: Course, feed: float, acceleration: float, jerk: float) -> list[tuple[int, Law]]:
+def even(course: FeedCourse, feed: float, acceleration: float, jerk: float) -> list[tuple[int, Law]]:
     return [(0, straight(course.length, feed, acceleration, jerk))]
 
 
-def codes_of(course: Course, laws: list[tuple[int, Law]]) -> set[int]:
+def codes_of(course: FeedCourse, laws: list[tuple[int, Law]]) -> set[int]:
     return {code for marks in binding.marks(course, laws) for _, code in marks}
 
 
@@ -52,9 +52,9 @@ def test_a_cruise_at_the_programmed_feed_is_bound_by_the_feed() -> None:
 def test_with_an_override_it_is_the_feed_times_override_that_binds() -> None:
     built = machine()
     half = line("G1 X50 F600\n", built)
-    half = Course(half.stretches, built, kinematics_of(built), override=0.5)
+    half = FeedCourse(half.stretches, built, kinematics_of(built), override=0.5)
     assert Binding.FEED in codes_of(half, even(half, 5.0, 500.0, 1e4))
-    full = Course(half.stretches, built, kinematics_of(built))
+    full = FeedCourse(half.stretches, built, kinematics_of(built))
     assert codes_of(full, even(full, 5.0, 500.0, 1e4)) == {Binding.NOTHING}
 
 
@@ -93,7 +93,7 @@ def test_of_two_axes_the_one_that_is_nearer_to_its_limit_is_named() -> None:
 def test_a_junction_passed_as_fast_as_its_jump_allows_is_a_corner() -> None:
     built = machine()
     pair = stretches(trace("G1 X20 F600\nG1 X40 Y0.02\n", built))[-2:]
-    course = Course(pair, built, kinematics_of(built))
+    course = FeedCourse(pair, built, kinematics_of(built))
     speed = course.junctions[0]
     assert speed < 10.0
     laws = [(0, Law((0.0, pair[0].motion.end / speed), ((0.0, speed, 0, 0, 0, 0),)))]
@@ -125,11 +125,11 @@ def test_the_limits_of_the_tool_itself_bind_where_the_machine_file_has_them() ->
     kinematics = kinematics_of(built)
     ring = line("G0 X0 Y0\nG3 X20 Y0 I10 F3000\n", built)
     tip = replace(built, tip_acceleration_mm_s2=90.0)
-    slow = Course(ring.stretches, tip, kinematics)
+    slow = FeedCourse(ring.stretches, tip, kinematics)
     planned = profile.plan(slow)
     assert planned is not None and planned.duration_s > ring.length / 30.0 * 0.99  # sqrt(90 * 10) = 30 mm/s
     assert Binding.TIP_ACCELERATION in codes_of(slow, planned.laws(slow))
     turn = line("G1 X5 C90 F3000\nG1 X10 A30 C180 F3000\n", built)
-    lazy = Course(turn.stretches, replace(built, axis_speed_rad_s=0.2), kinematics)
+    lazy = FeedCourse(turn.stretches, replace(built, axis_speed_rad_s=0.2), kinematics)
     planned = profile.plan(lazy)
     assert planned is not None and Binding.AXIS_ANGULAR_SPEED in codes_of(lazy, planned.laws(lazy))

@@ -24,7 +24,7 @@ from controller.geometry.vectors import Frame
 from controller.machine.kinematics import Kinematics, kinematics_of
 from controller.machine.model import Machine
 from controller.motion.motions import JointMove, SurfaceCut, ToolLine
-from controller.plan.feed.course import Course
+from controller.plan.feed.course import FeedCourse
 from controller.plan.feed.limits import JointLimits, ramp_length
 from controller.plan.stretch import Stretch
 from controller.plan.surfaces import rates
@@ -242,7 +242,7 @@ def test_cuts_of_one_kind_taken_together_are_what_they_are_alone(kind: str) -> N
     kinematics = kinematics_of(built)
     found = (cut_of(surface_of(seed), built, kinematics, 1.5, 80.0) for seed in range(8))
     cuts = [cut for cut in found if cut is not None]
-    course = Course(cuts, built, kinematics)
+    course = FeedCourse(cuts, built, kinematics)
     s = np.sort(np.append(np.random.default_rng(1).uniform(0.0, course.length, 300), course.starts))
     index = course.index(s)
     assert len(course._alike(index)) < len(cuts)
@@ -263,7 +263,7 @@ def test_blended_cuts_taken_together_are_what_they_are_alone(seed: int) -> None:
     cuts = named(trace(blu_compounds.text(surfaces, 1000.0, "G41", "T1 M6"), built), "cut")
     kinematics = kinematics_of(built)
     inner = [cut for cut in cuts if len(getattr(cut.motion.surface, "blends", ())) == 2]
-    course = Course(inner, built, kinematics)
+    course = FeedCourse(inner, built, kinematics)
     s = np.linspace(0.0, course.length, 400)
     index = course.index(s)
     assert len(inner) >= 3 and len(course._alike(index)) == 1

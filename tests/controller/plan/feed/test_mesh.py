@@ -12,7 +12,7 @@ from support.machines.traced_programs import trace
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
 from controller.plan.feed import mesh
-from controller.plan.feed.course import Course
+from controller.plan.feed.course import FeedCourse
 from controller.plan.path.path import Chain
 from controller.plan.stretch import Stretch
 
@@ -26,7 +26,7 @@ def cuts(feed: str, machine: Machine) -> list[Stretch]:
 
 def second_cut(feed: str = "3000.") -> mesh.Parts:
     machine = shipped()
-    course = Course(cuts(feed, machine)[1:], machine, kinematics_of(machine))
+    course = FeedCourse(cuts(feed, machine)[1:], machine, kinematics_of(machine))
     return mesh.Parts.of(course, 0.0, course.length)
 
 

@@ -18,7 +18,7 @@ from support.parts.random_surfaces import compound, text
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Limits, Machine
 from controller.plan.feed import profile
-from controller.plan.feed.course import Course
+from controller.plan.feed.course import FeedCourse
 from controller.plan.feed.law import straight
 from controller.plan.stretch import Stretch
 from controller.program.program import ProgramError
@@ -138,7 +138,7 @@ def test_random_compounds_take_little_more_than_an_optimum_that_begins_and_ends_
             for run in profile.split_at_stops(chain.stretches, machine, kinematics):
                 if not any(stretch.cutting for stretch in run):
                     continue
-                planned = profile.plan(Course(run, machine, kinematics))
+                planned = profile.plan(FeedCourse(run, machine, kinematics))
                 assert planned is not None
                 best = jerk_limited_time.optimum(run, machine, 800)
                 found.append(planned.duration_s / best.seconds)

@@ -21,7 +21,7 @@ from controller.ipc.handoff import Law
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine, Tool
 from controller.plan.feed import cruise, profile
-from controller.plan.feed.course import Course
+from controller.plan.feed.course import FeedCourse
 from controller.plan.feed.law import at_share, straight, through
 from controller.plan.feed.limits import JointLimits
 from controller.plan.feed.profile import Profile, State
@@ -228,7 +228,7 @@ def test_what_bends_by_next_to_nothing_takes_a_closed_form_that_is_as_fast_as_th
     for run in profile.split_at_stops(chain.stretches, machine, kinematics):
         if len(run) > 1 or run[0].name not in looked:
             continue
-        course = Course(run, machine, kinematics)
+        course = FeedCourse(run, machine, kinematics)
         planned = profile.plan(course)
         assert planned is not None and len(planned.pieces) <= 7, run[0].name
         assert max(used(course, planned)) <= 1.0, run[0].name
@@ -245,7 +245,7 @@ def test_a_feed_beyond_what_jerk_alone_reaches_has_a_ramp_of_three_phases() -> N
     feed = 1.2 * limits.acceleration**2 / limits.jerk
     assert feed < 0.6 * limits.velocity
     (chain,) = chains(f"G21 G90 G1 X200. F{60.0 * feed:.3f}\nM30\n", machine)
-    course = Course(chain.stretches, machine, kinematics_of(machine))
+    course = FeedCourse(chain.stretches, machine, kinematics_of(machine))
     planned, law = profile.plan(course), cruise.law(course, *profile.REST, course.length)
     assert planned is not None and law is not None and len(planned.pieces) == 7
     assert_fine(course, Profile(*law), profile.REST, feed)
@@ -257,21 +257,21 @@ def test_a_feed_beyond_what_jerk_alone_reaches_has_a_ramp_of_three_phases() -> N
 # --- from states of motion
 
 
-def courses(feed: str, machine: Machine, override: float = 1.0) -> list[Course]:
+def courses(feed: str, machine: Machine, override: float = 1.0) -> list[FeedCourse]:
     """The runs of Example 2 with its leads."""
     kinematics = kinematics_of(machine)
     return [
-        Course(run, machine, kinematics, override)
+        FeedCourse(run, machine, kinematics, override)
         for chain in chains(program("example2.ngc", feed), machine)
         for run in profile.split_at_stops(chain.stretches, machine, kinematics)
     ]
 
 
-def at(course: Course, override: float, rapid_override: float = 1.0) -> Course:
-    return Course(course.stretches, course.machine, course.kinematics, override, rapid_override)
+def at(course: FeedCourse, override: float, rapid_override: float = 1.0) -> FeedCourse:
+    return FeedCourse(course.stretches, course.machine, course.kinematics, override, rapid_override)
 
 
-def used(course: Course, planned: Profile, n: int = 3000) -> list[float]:
+def used(course: FeedCourse, planned: Profile, n: int = 3000) -> list[float]:
     """Largest shares of velocity, acceleration and jerk limits along a profile, by exact derivatives."""
     s, v, a, j = planned.along(np.linspace(0.0, planned.duration_s, n))
     d, limits = course.derivatives(s), JointLimits.of(course.machine)
@@ -293,7 +293,7 @@ def assert_goes_on(planned: Profile, label: object) -> None:
     assert jumps.max(initial=0.0) <= 1e-6, (label, jumps.max(axis=0))
 
 
-def assert_fine(course: Course, planned: Profile | None, begin: State, label: object) -> None:
+def assert_fine(course: FeedCourse, planned: Profile | None, begin: State, label: object) -> None:
     assert planned is not None, label
     assert planned.at(0.0) == pytest.approx(begin, rel=1e-9, abs=1e-9), label
     assert_goes_on(planned, label)

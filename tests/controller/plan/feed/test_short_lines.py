@@ -14,7 +14,7 @@ from support.parts import cam_lines, cam_programs
 from controller.machine.kinematics import kinematics_of
 from controller.motion.motions import ToolLine, ToolSpline
 from controller.plan.feed import profile
-from controller.plan.feed.course import Array, Course, Index
+from controller.plan.feed.course import Array, FeedCourse, Index
 from controller.plan.lines import exact_rows
 from controller.plan.look_ahead import WINDOW_S, Orders, Place, Windows
 from controller.plan.surfaces import rates
@@ -29,7 +29,7 @@ AT_LEAST = 20  # lines that are looked at
 
 @pytest.fixture
 def alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(exact_rows, "LEAST", 10**9)
+    monkeypatch.setattr(exact_rows, "MIN_LINES", 10**9)
 
 
 @pytest.mark.parametrize(("name", "step_mm", "decimals"), CASES)
@@ -47,7 +47,7 @@ def test_running_through_short_lines_is_quicker_than_a_rest_at_each_of_their_cor
         laws = laws_of(lines, machine)
         velocity, acceleration, jerk = largest(sampled(lines, laws, machine)[0], machine)
         assert velocity <= 1.0005 and acceleration <= 1.0005 and jerk <= 1.0005
-        alone = [profile.plan(Course([line], machine, kinematics_of(machine))) for line in lines]
+        alone = [profile.plan(FeedCourse([line], machine, kinematics_of(machine))) for line in lines]
         at_rests = sum(law.duration_s for law in alone if law is not None)
         assert sum(law.duration_s for law in laws) <= 1.02 * at_rests
         looked += len(lines)
@@ -92,9 +92,9 @@ def test_a_window_of_short_lines_is_as_long_as_any_other() -> None:
 
 def places_asked(count: int, monkeypatch: pytest.MonkeyPatch) -> int:
     """At so many places derivatives are taken to plan so many exact lines."""
-    machine, asked, derivatives = shipped(), 0, Course.derivatives
+    machine, asked, derivatives = shipped(), 0, FeedCourse.derivatives
 
-    def counted(self: Course, s: Array, index: Index | None = None) -> rates.Derivatives:
+    def counted(self: FeedCourse, s: Array, index: Index | None = None) -> rates.Derivatives:
         nonlocal asked
         asked += len(s)
         return derivatives(self, s, index)
@@ -102,7 +102,7 @@ def places_asked(count: int, monkeypatch: pytest.MonkeyPatch) -> int:
     track = Track(chains(exact_lines(count), machine), machine, kinematics_of(machine))
     windows, place = Windows(machine, kinematics_of(machine)), Place(0, 0.0)
     with monkeypatch.context() as patched:
-        patched.setattr(Course, "derivatives", counted)
+        patched.setattr(FeedCourse, "derivatives", counted)
         while (sent := windows.from_rest(track, place, 0.0, Orders())) is not None:
             place = sent.after
             track.forget(place.unit)

@@ -13,18 +13,18 @@ from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
 from controller.motion.motions import SurfaceCut
 from controller.plan.feed import profile, tool_limits
-from controller.plan.feed.course import Course
+from controller.plan.feed.course import FeedCourse
 from controller.plan.path.path import Chain
 
 
-def courses(machine: Machine) -> list[Course]:
+def courses(machine: Machine) -> list[FeedCourse]:
     """The runs of Example 2 at 3000 mm/min that have a feed, each surface as it is: G61 blends nothing."""
     home = tuple(axis.homing.position for axis in machine.axes)
     source = "G61\n" + program("example2.ngc", "3000.")
     items = trace(source, machine, home).items  # type: ignore[arg-type]
     kinematics = kinematics_of(machine)
     return [
-        Course(run, machine, kinematics)
+        FeedCourse(run, machine, kinematics)
         for chain in items
         if isinstance(chain, Chain)
         for run in profile.split_at_stops(chain.stretches, machine, kinematics)

@@ -20,7 +20,7 @@ from controller.machine.kinematics import Kinematics, kinematics_of
 from controller.machine.model import Machine
 from controller.motion.motions import ToolLine, ToolSpline
 from controller.plan.feed import ticked
-from controller.plan.feed.course import Course
+from controller.plan.feed.course import FeedCourse
 from controller.plan.lines import exact_rows
 from controller.plan.path import path
 from controller.plan.path.path import Chain
@@ -56,7 +56,7 @@ def random_lines(seed: int, vectors: bool) -> str:
 def alone(monkeypatch: pytest.MonkeyPatch, source: str, machine: Machine) -> list[Chain]:
     """The same program with every line a motion of its own."""
     with monkeypatch.context() as patched:
-        patched.setattr(exact_rows, "LEAST", 10**9)
+        patched.setattr(exact_rows, "MIN_LINES", 10**9)
         return chains(source, machine)
 
 
@@ -191,8 +191,8 @@ def test_a_line_that_is_refused_is_told_as_ever_and_what_is_before_it_is_there(
     rows = "".join(f"X{0.02 * k:.4f} A{119.0 + 0.02 * k:.4f}\n" for k in range(1, 100))
     text = "G55 G61 G43.4 G0 X0 Y0 Z0 A119 C0\nG1 F600\n" + rows
     told = []
-    for least in (exact_rows.LEAST, 10**9):
-        monkeypatch.setattr(exact_rows, "LEAST", least)
+    for least in (exact_rows.MIN_LINES, 10**9):
+        monkeypatch.setattr(exact_rows, "MIN_LINES", least)
         machine, given = traced_programs.mill(), []
         kinematics = kinematics_of(machine)
         made = blocks.stream(text.encode(), machine, "part.ngc")
@@ -205,7 +205,7 @@ def test_a_line_that_is_refused_is_told_as_ever_and_what_is_before_it_is_there(
 
 
 def test_few_or_long_lines_are_no_rows() -> None:
-    few = "".join(f"X{0.02 * k:.4f} A{10 + 0.02 * k:.4f}\n" for k in range(1, exact_rows.LEAST))
+    few = "".join(f"X{0.02 * k:.4f} A{10 + 0.02 * k:.4f}\n" for k in range(1, exact_rows.MIN_LINES))
     long = "".join(f"X{0.5 * k:.4f} A{10 + 0.02 * k:.4f}\n" for k in range(1, 100))
     for rows in (few, long):
         traced = traced_programs.trace("G55 G61 G43.4 G0 X0 Y0 Z0 A10 C0\nG1 F600\n" + rows)
@@ -243,7 +243,7 @@ def test_the_allowed_speed_is_that_of_differences_of_samples() -> None:
     """A grid's answer beside that of samples taken at just that speed, wherever they begin."""
     machine = shipped()
     row = max(chains(dense(1, 0.02, 4), machine), key=lambda chain: len(rows_of([chain])))
-    course = Course(row.stretches, machine, kinematics_of(machine))
+    course = FeedCourse(row.stretches, machine, kinematics_of(machine))
     seen = ticked.Ticked(course, 0.0, course.length)
     rng = np.random.default_rng(1)
     for k in rng.integers(20, len(seen.allowed) - 20, 60).tolist():

@@ -14,7 +14,7 @@ from support.parts import cam_lines
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
 from controller.motion.motions import JointMove, ToolLine, ToolSpline
-from controller.plan.feed.course import Course
+from controller.plan.feed.course import FeedCourse
 from controller.plan.lines import meant
 from controller.plan.lines.meant import Waiting
 from controller.plan.look_ahead import Orders, Place, Windows
@@ -220,9 +220,9 @@ def test_corners_are_looked_at_a_few_times_each(monkeypatch: pytest.MonkeyPatch)
 
 def planned_places(count: int, monkeypatch: pytest.MonkeyPatch) -> tuple[int, int]:
     """Places at which derivatives are asked for to plan so many lines, and units of the longest window."""
-    asked, derivatives = 0, Course.derivatives
+    asked, derivatives = 0, FeedCourse.derivatives
 
-    def counted(self: Course, s: Array, index: object = None) -> object:
+    def counted(self: FeedCourse, s: Array, index: object = None) -> object:
         nonlocal asked
         asked += len(s)
         return derivatives(self, s, index)  # type: ignore[arg-type]
@@ -232,7 +232,7 @@ def planned_places(count: int, monkeypatch: pytest.MonkeyPatch) -> tuple[int, in
     track = Track(path.stream(made, "part.ngc", MILL, KINEMATICS, HOME), MILL, KINEMATICS)
     windows, place, start_s, longest = Windows(MILL, KINEMATICS), Place(0, 0.0), 0.0, 0
     with monkeypatch.context() as patched:
-        patched.setattr(Course, "derivatives", counted)
+        patched.setattr(FeedCourse, "derivatives", counted)
         while (sent := windows.from_rest(track, place, start_s, Orders())) is not None:
             place, start_s, longest = sent.after, sent.end_s, max(longest, len(sent.stretches))
             track.forget(place.unit)

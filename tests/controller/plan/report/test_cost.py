@@ -16,7 +16,7 @@ from controller.machine import machine_file
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
 from controller.plan.feed import binding, profile
-from controller.plan.feed.course import Course
+from controller.plan.feed.course import FeedCourse
 from controller.plan.feed.law import at_share
 from controller.plan.report import moments, planned
 from controller.plan.report.duration import bounded, least_s
@@ -47,7 +47,7 @@ def counted() -> Iterator[dict[str, int]]:
 
     watch(profile, "plan", "plans", lambda *_: 1)
     watch(profile, "_searched", "searches", lambda *_: 1)
-    watch(Course, "derivatives", "places", lambda course, s, *_: len(s))
+    watch(FeedCourse, "derivatives", "places", lambda course, s, *_: len(s))
     try:
         yield found
     finally:
@@ -80,12 +80,12 @@ def test_a_slow_feed_costs_no_more_than_a_fast_one(text: str, most: dict[str, in
     assert lasting[-1] > 400.0 * lasting[1]
 
 
-def arc_course(words: str, built: Machine) -> Course:
+def arc_course(words: str, built: Machine) -> FeedCourse:
     """An arc that begins at X0 Y0."""
     items = trace(f"G0 X0 Y0\n{words}\n", built).items
     last = [item for item in items if isinstance(item, Chain)][-1].stretches[-1]
     assert last.name == "arc"
-    return Course([last], built, kinematics_of(built))
+    return FeedCourse([last], built, kinematics_of(built))
 
 
 @pytest.mark.parametrize("feed", [20.0, 6.0])

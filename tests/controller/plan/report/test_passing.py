@@ -10,7 +10,7 @@ from support.machines.stepped_runs import cut, shipped
 from controller.ipc.handoff import COLUMN
 from controller.plan.path import path
 from controller.plan.path.path import Chain
-from controller.plan.report.passing import MOST, OWN, Passing, passed_s, place_of
+from controller.plan.report.passing import MAX_MARKS, OWN, Passing, passed_s, place_of
 from controller.plan.report.survey import survey
 from controller.plan.restart.program_position import lines_along, part_at
 
@@ -24,7 +24,9 @@ def passing_of(text: str) -> tuple[Passing, float, dict[int, tuple[str, tuple]]]
     asked = source(text, shipped(period_s=PERIOD_S))
 
     def chains():
-        tracer = path.Tracer(asked.name, asked.machine, asked.kinematics, asked.start, asked.chosen or {})
+        tracer = path.PathBuilder(
+            asked.name, asked.machine, asked.kinematics, asked.start, asked.chosen or {}
+        )
         return tracer.items(asked.blocks)
 
     made = Passing()
@@ -58,8 +60,8 @@ def test_the_time_that_has_passed_at_a_place_is_that_of_the_run(text: str) -> No
 
 def test_marks_of_a_long_program_are_bounded() -> None:
     made = Passing()
-    for k in range(10 * MOST):
+    for k in range(10 * MAX_MARKS):
         made._mark((k, 0.0, OWN, 0.0), 0.1 * k)
-    assert len(made.marks) <= MOST
-    for k in (0, 7, 12345, 10 * MOST - 1):
+    assert len(made.marks) <= MAX_MARKS
+    for k in (0, 7, 12345, 10 * MAX_MARKS - 1):
         assert passed_s(made.marks, (k, 0.0, OWN, 0.0)) == pytest.approx(0.1 * k, abs=0.1)

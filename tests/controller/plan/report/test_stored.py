@@ -10,7 +10,7 @@ from support.machines.shipped_kinds import machine
 from controller import sealed_file
 from controller.geometry.vectors import Frame
 from controller.machine.model import Tool
-from controller.messages import said, text
+from controller.messages import message, text
 from controller.plan.report import stored
 from controller.plan.report.stored import Overcut, Stored
 from controller.plan.report.verdict import Verdict
@@ -23,7 +23,7 @@ CHECK = Stored(
     2.468,
     3,
     {8: (0.1, -7.25)},
-    (Note(Place(3, 5), said("row.departs", line=2, why=said("row.short", room=0.5))),),
+    (Note(Place(3, 5), message("row.departs", line=2, why=message("row.short", room=0.5))),),
     (Overcut(8, 0.1, 0.5, 0.0),),
     verdicts=(
         Verdict(8, 1, 0.05, 0.1, 0.0, 0.5, 0.0, 10.0, (1.0, 2.0, 3.0), "cut", 8, ("double", "radius"), 1.5),

@@ -29,7 +29,7 @@ SHARES = np.linspace(0.0, 1.0, 23)
 
 def chains(text: str) -> Iterator[Chain]:
     asked = source(text, shipped())
-    tracer = path.Tracer(asked.name, asked.machine, asked.kinematics, asked.start, asked.chosen or {})
+    tracer = path.PathBuilder(asked.name, asked.machine, asked.kinematics, asked.start, asked.chosen or {})
     yield from (item for item in tracer.items(asked.blocks) if isinstance(item, Chain))
 
 

@@ -20,7 +20,7 @@ from controller.ipc.handoff import StopTable
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Kind, Limits, Machine
 from controller.plan.feed import profile
-from controller.plan.feed.course import Course
+from controller.plan.feed.course import FeedCourse
 from controller.plan.feed.limits import JointLimits
 from controller.plan.feed.profile import Profile
 from controller.plan.path.path import Chain, joints_along
@@ -38,7 +38,7 @@ QUICK = 1.3  # times the shortest stop
 class Planned:
     """A plan with its stops."""
 
-    course: Course
+    course: FeedCourse
     plan: Profile
     table: StopTable
 
@@ -61,7 +61,7 @@ def planned(source: str, machine: Machine, only: str = "") -> Iterator[Planned]:
         if isinstance(item, Chain):
             for run in profile.split_at_stops(item.stretches, machine, kinematics, 1.0):
                 if not only or any(stretch.name == only for stretch in run):
-                    course = Course(run, machine, kinematics)
+                    course = FeedCourse(run, machine, kinematics)
                     plan = profile.plan(course)
                     assert plan is not None
                     table = stops(course, plan, 0.0, plan.duration_s, step(machine))
@@ -376,7 +376,7 @@ def test_a_start_at_the_very_end_of_the_plan_is_at_rest_though_its_speed_is_roun
     for length in range(1, 60):
         way = straight("way", Place(1, 1), (0.0,) * 5, (float(length), 0.0, 0.0, 0.0, 0.0), None, kinematics)
         assert way is not None
-        course = Course([way], machine, kinematics)
+        course = FeedCourse([way], machine, kinematics)
         plan = profile.plan(course)
         assert plan is not None
         below += plan.at(plan.duration_s).v < 0.0

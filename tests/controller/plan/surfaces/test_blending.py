@@ -22,7 +22,7 @@ from controller.geometry.vectors import Frame
 from controller.machine import machine_file
 from controller.machine.kinematics import Kinematics, kinematics_of
 from controller.machine.model import Machine, Tool
-from controller.plan.feed.course import Course
+from controller.plan.feed.course import FeedCourse
 from controller.plan.feed.limits import JointLimits
 from controller.plan.path.path import Chain, Path
 from controller.plan.rotaries.branch import joints_along
@@ -104,7 +104,7 @@ def test_a_joint_of_rounding_runs_through_twice_smoothly(seed: int) -> None:
         assert np.abs(np.subtract(before.end, after.start)).max() < 1e-9
         assert np.abs(a - b).max() < 1e-6 * (1.0 + np.abs(a).max()), seed
         assert np.abs(aa - bb).max() < 1e-3 * (1.0 + np.abs(aa).max()), seed
-        assert Course((before, after), built, kinematics_of(built)).junction(0) > 1e3, "mm/s"
+        assert FeedCourse((before, after), built, kinematics_of(built)).junction(0) > 1e3, "mm/s"
     assert_whole(traced, built)
 
 
@@ -119,7 +119,7 @@ def test_where_the_tool_turns_at_another_rate_the_joint_is_rounded(
     traced = trace(program(blu_compounds.general(seed, decimals), "G41", CREASES), built)
     speeds = []
     for pair in joints_between(traced):
-        course = Course(pair, built, kinematics_of(built))
+        course = FeedCourse(pair, built, kinematics_of(built))
         beside = pair[0].motion.end + np.array([-0.01, 0.01])
         speeds.append(float(JointLimits.of(built).path_speed(course.derivatives(beside)).min()))
     assert min(speeds) >= least_mm_s
@@ -144,7 +144,7 @@ def test_series_samples_and_floats_of_a_blended_cut_are_one(seed: int) -> None:
     _, built, traced = traced_or_skipped(seed)
     kinematics = kinematics_of(built)
     for before, after in joints_between(traced):
-        course = Course((before, after), built, kinematics)
+        course = FeedCourse((before, after), built, kinematics)
         h = 1e-3
         for s in before.motion.end + np.array([-3.0, -1.0, -0.1, 0.1, 1.0, 3.0]):
             if not 2.0 * h < s < course.length - 2.0 * h:
@@ -424,7 +424,7 @@ def test_a_crease_is_blended_as_far_as_g64_p_says() -> None:
     (um,) = re.findall(r"deviates by ([0-9.]+) um", sentences(found))
     assert 0.0 < float(um) <= 4.0
     for before, after in joints_between(found):
-        assert Course((before, after), built, kinematics_of(built)).junction(0) > 1e2, "mm/s"
+        assert FeedCourse((before, after), built, kinematics_of(built)).junction(0) > 1e2, "mm/s"
 
 
 @pytest.mark.parametrize("seed", [8, 16])
@@ -451,7 +451,7 @@ def test_a_crease_is_told_with_what_it_costs_and_what_binds() -> None:
     assert joint in {axis.name for axis in built.axes} and limit in ("velocity", "acceleration", "jerk")
     speeds = []
     for pair in joints_between(traced):
-        course = Course(pair, built, kinematics_of(built))
+        course = FeedCourse(pair, built, kinematics_of(built))
         beside = pair[0].motion.end + np.linspace(-1.0, 1.0, 201)
         speeds.append(60.0 * float(JointLimits.of(built).path_speed(course.derivatives(beside)).min()))
     assert float(f) == pytest.approx(min(speeds), rel=0.02)
@@ -581,7 +581,7 @@ X-9.088 Y8.838 Z0.092
 def slowest(cut: Stretch, built: Machine) -> float:
     """The least speed (mm/s) that the joints' limits allow along a cut."""
     s = np.linspace(0.0, cut.motion.end, 401)
-    found = Course((cut,), built, kinematics_of(built)).derivatives(s)
+    found = FeedCourse((cut,), built, kinematics_of(built)).derivatives(s)
     return float(JointLimits.of(built).path_speed(found).min())
 
 

@@ -18,7 +18,7 @@ from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
 from controller.motion.motions import Rotaries
 from controller.plan.path.path import Chain, Path, stream
-from controller.plan.stretch import Voice, rotaries_of
+from controller.plan.stretch import Diagnostics, rotaries_of
 from controller.plan.surfaces import auto, legs, train
 from controller.plan.surfaces.choices import choices
 from controller.program import blocks
@@ -72,8 +72,10 @@ def test_the_program_turns_no_farther_than_with_any_other_branches(leans: tuple[
     for code in range(2 ** len(leans)):
         now, total = (0.0, 0.0), 0.0
         for bit, block in enumerate(blocks.read(text.encode(), built, "part.ngc").blocks[:-1]):
-            (cut,) = auto.build(block, built, Voice("", lambda place, sentence: None))
-            ways = legs.options(legs.Fields([cut], kinematics), built, now, Voice("", lambda p, s: None))
+            (cut,) = auto.build(block, built, Diagnostics("", lambda place, sentence: None))
+            ways = legs.options(
+                legs.Fields([cut], kinematics), built, now, Diagnostics("", lambda p, s: None)
+            )
             start = ways[code >> bit & 1].way.start
             total += abs(start[0] - now[0]) + abs(start[1] - now[1])
             now = start
@@ -84,7 +86,7 @@ def test_the_program_turns_no_farther_than_with_any_other_branches(leans: tuple[
 @pytest.mark.parametrize("name", ["trunnion", "head_head", "table_head"])
 def test_no_cut_is_slower_than_on_another_branch_that_fits(name: str) -> None:
     """As it is planned, and with the rotaries led to either branch; those of these two heads are alike."""
-    silent = Voice("part.ngc", lambda place, sentence: None)
+    silent = Diagnostics("part.ngc", lambda place, sentence: None)
     built = replace(machine_file.load(name), gouge="warn")
     kinematics, now = kinematics_of(built), tuple(axis.homing.position for axis in built.axes)
     near, apart = rotaries_of(now, kinematics), 0
@@ -128,7 +130,7 @@ def test_a_program_that_is_refused_somewhere_gives_the_choices_before() -> None:
 
 def test_without_choices_or_with_wrong_ones_a_train_decides_for_itself() -> None:
     built, kinematics = mill(gouge="warn"), kinematics_of(mill())
-    voice = Voice("part.ngc", lambda place, sentence: None)
+    voice = Diagnostics("part.ngc", lambda place, sentence: None)
     (block,) = blocks.read(CONE.format("90.").encode(), built, "part.ngc").blocks
     assert isinstance(block, CutCone)
     (cut,) = auto.build(block, built, voice)
@@ -143,7 +145,7 @@ def test_without_choices_or_with_wrong_ones_a_train_decides_for_itself() -> None
 def test_of_a_long_train_only_the_ends_of_its_cuts_are_kept() -> None:
     """A thousand surfaces of one chain took 32 MB while their branch was chosen."""
     built, kinematics = mill(gouge="warn"), kinematics_of(mill())
-    voice = Voice("part.ngc", lambda place, sentence: None)
+    voice = Diagnostics("part.ngc", lambda place, sentence: None)
     (block,) = blocks.read(CONE.format("90.").encode(), built, "part.ngc").blocks
     assert isinstance(block, CutCone)
     fields = legs.Fields(auto.build(block, built, voice), kinematics)

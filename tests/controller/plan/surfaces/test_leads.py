@@ -28,7 +28,7 @@ from controller.machine import machine_file
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
 from controller.plan.feed import profile
-from controller.plan.feed.course import Course
+from controller.plan.feed.course import FeedCourse
 from controller.plan.feed.limits import JointLimits
 from controller.plan.path.path import Chain, Path, Stretch, joints_along
 from controller.plan.surfaces.leads import MAX_TILT_RAD, MAX_TURN_RAD, SLENDER
@@ -123,7 +123,7 @@ def test_where_no_lead_keeps_the_feed_the_one_that_keeps_most_of_it_is_laid() ->
     built = shipped("fig4d")
     traced = trace(random_ruled(98_011).source, built, tuple(axis.homing.position for axis in built.axes))
     (off,) = named(traced, "lead out")
-    course = Course((off,), built, kinematics_of(built))
+    course = FeedCourse((off,), built, kinematics_of(built))
     allowed = JointLimits.of(built).path_speed(course.derivatives(np.linspace(0.0, off.motion.end, 65)))
     assert allowed.min() > 0.7 * off.feed_mm_s, "0.47 of it where the rotary comes to stand at once"
 
@@ -175,7 +175,7 @@ def test_a_law_leads_from_a_fast_lead_to_a_slow_cut_and_keeps_its_feed_at_both_r
     home = tuple(axis.homing.position for axis in built.axes)
     traced = trace("G42\n" + CONE.format("0.4", feed), built, home)
     (run,) = (item.stretches for item in traced.items if isinstance(item, Chain) and len(item.stretches) == 3)
-    course = Course(run, built, kinematics_of(built))
+    course = FeedCourse(run, built, kinematics_of(built))
     plan = profile.plan(course)
     assert plan is not None and plan.joins
     times = [plan.time_of(float(place)) for place in course.starts[1:3]]

@@ -109,7 +109,7 @@ def test_what_is_known_is_not_searched_again(monkeypatch):
 def test_the_first_that_were_learnt_are_forgotten_and_no_program_loses_one_of_its_own(monkeypatch):
     recipe = Recipe.of(free())
     monkeypatch.setattr(placements, "_known", {})
-    monkeypatch.setattr(placements, "MOST", 3)
+    monkeypatch.setattr(placements, "MAX_PLACEMENTS", 3)
     for name in "abacd":
         placements.learn({name: replace(recipe, taper_rad=float(ord(name)))})
     assert [placements.known(name) is not None for name in "abcd"] == [True, False, True, True]

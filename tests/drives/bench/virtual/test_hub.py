@@ -25,7 +25,7 @@ from drives import bus, commission, pdo
 from drives.bench import options
 from drives.bench.virtual import kernel_time
 from drives.bench.virtual.fault_script import FaultScript, ScriptError
-from drives.bench.virtual.hub import MOST_AHEAD_S, Hub
+from drives.bench.virtual.hub import MAX_AHEAD_S, Hub
 from drives.bench.virtual.hub_bus import HubBus
 from drives.log import candump
 from drives.log.frame_log import FrameLog
@@ -573,6 +573,6 @@ def test_what_is_said_ahead_of_its_time_begins_when_it_is_due(tmp_path: Path) ->
         assert port.send(pdo.frame(pdo.SYNC))
     port.hand_over()
     hub.turn(time.monotonic())
-    assert hub.bus.next_event_s() <= time.monotonic() + MOST_AHEAD_S, "nobody fills a queue for ever"
+    assert hub.bus.next_event_s() <= time.monotonic() + MAX_AHEAD_S, "nobody fills a queue for ever"
     port.close()
     hub.close()

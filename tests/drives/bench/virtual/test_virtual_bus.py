@@ -7,7 +7,7 @@ from support.drives.stepped_drives import Bench
 from drives import pdo
 from drives.bench.simulated import SimulatedDrive
 from drives.bench.virtual.fault_script import FaultScript
-from drives.bench.virtual.virtual_bus import MOST_CARRIED, PORT_LIMIT, QUEUE_LIMIT, Port, SteppedBus
+from drives.bench.virtual.virtual_bus import MAX_CARRIED, PORT_LIMIT, QUEUE_LIMIT, Port, SteppedBus
 from drives.log.frame_log import FrameLog
 
 BIT_S = 1e-6
@@ -73,11 +73,11 @@ def test_what_is_said_just_as_before_is_nothing_new() -> None:
 def test_a_babbler_of_ever_new_identifiers_takes_no_memory_for_ever() -> None:
     bus = SteppedBus(bit_rate=0)
     source = bus.connect(lambda frame, at_s: None)
-    for can_id in range(1, 2 * MOST_CARRIED):
+    for can_id in range(1, 2 * MAX_CARRIED):
         assert bus.submit(source, bus.now_s, can_id, bytes(pdo.frame(can_id)))
         bus.advance(bus.now_s)
-    assert bus.frames == 2 * MOST_CARRIED - 1
-    assert len(bus._carried) <= MOST_CARRIED + 1
+    assert bus.frames == 2 * MAX_CARRIED - 1
+    assert len(bus._carried) <= MAX_CARRIED + 1
 
 
 def test_without_bit_timing_everything_arrives_at_once() -> None:
