@@ -52,7 +52,8 @@ def verdict(look: SurfaceGrid) -> Verdict | None:
         by=by,
         by_line=by_line,
     )
-    return made if made.within else _advised(made, look)
+    made = made if made.within else _advised(made, look)
+    return replace(made, u=nominal.block_u(made.u))
 
 
 def _worst(look: SurfaceGrid, sign: float, tolerance_mm: float) -> tuple[float, float, float]:

@@ -48,7 +48,7 @@ class Worst:
     """The largest deviation of one sign and its place."""
 
     mm: float  # signed: negative overcut
-    u: float
+    u: float  # of the block's whole surface
     v: float
     place: Vector  # part frame, mm
 
@@ -279,7 +279,7 @@ class Field:
         if best[k] <= 0.0:
             return None
         place = self.nominal.place(float(a[k]), float(b[k]))
-        return Worst(sign * float(best[k]), float(a[k]), float(b[k]), place)
+        return Worst(sign * float(best[k]), self.nominal.block_u(float(a[k])), float(b[k]), place)
 
     def _zoomed(
         self, a: Array, b: Array, half: Array, ends: tuple[float, float], sign: float

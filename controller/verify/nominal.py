@@ -36,6 +36,11 @@ class Nominal:
     tolerance_mm: float | None = None  # of its form; None: none is asked for
     joint_tolerance_mm: float = 0.0  # what a neighbour may take off it, where they meet in a corner
     placement: Strategy = Strategy.SINGLE  # of the cutter, as the program asks for it
+    share: tuple[float, float] = (0.0, 1.0)  # of its block, in the block's u, that it is
+
+    def block_u(self, u: float) -> float:
+        """The parameter of the block's whole surface at its own."""
+        return self.share[0] + (self.share[1] - self.share[0]) * u
 
     def points(self, u: Array, v: Array) -> Array:
         """S(u, v) in the table frame, (N, 3) mm, for u and v (N,)."""

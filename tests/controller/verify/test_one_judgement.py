@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 
 import pytest
-from support.parts import random_cutters, random_surfaces
+from support.parts import random_cutters, random_nurbs, random_surfaces
 
 from controller.cli import verify
 from controller.geometry.placement import Strategy
@@ -17,7 +17,7 @@ from controller.program.program import CutBlock, ProgramError
 from controller.runtime import checked
 from controller.verify import fits
 
-QUICK = (1, 7, 12)
+QUICK = (1, 12)
 
 
 @pytest.mark.parametrize(
@@ -47,6 +47,22 @@ def test_check_verify_and_fit_say_the_same(seed: int, tmp_path) -> None:  # type
         tried = fits.trial(fits.Asked(block, machine), tool, placed, machine.tolerance_mm)
         most = max(one.largest_mm for one in found.verdicts)
         assert tried.off_mm == (math.inf if found.gouges else most)
+
+
+def test_places_of_a_surface_in_parts_are_at_the_u_of_the_whole_block() -> None:
+    machine = replace(machine_file.load("trunnion"), gouge="warn", tolerance_mm=1e-4)
+    text = random_nurbs.text(*random_nurbs.blade(6), 600.0)
+    task = checked.task(text.encode(), "blade.ngc", machine)
+    found = verify.judged(task, as_json=True)
+    (block,) = (block for block in task.read() if isinstance(block, CutBlock))
+    surface = cuts.surface_of(block)
+    assert len(found.judged) > 2
+    seen = [(one.u, one.v, one.place) for one in found.verdicts]
+    worst = [one.whole.overcut for one in found.judged]
+    seen += [(one.u, one.v, one.place) for one in worst if one is not None]
+    assert len(seen) > 4 and len({u for u, _, _ in seen}) > 2
+    for u, v, place in seen:
+        assert surface.point(u, v) == pytest.approx(place, abs=1e-9)
 
 
 RADII_MM = (0.8, 1.5, 3.0, 6.0)
