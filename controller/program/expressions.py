@@ -248,9 +248,14 @@ class Values:
         self._vacant = key if isinstance(key, int) and self._parameters.is_vacant(key) else -1
         return value
 
+    @property
+    def is_vacant(self) -> bool:
+        """Whether what was read last is a parameter that nobody has set, and nothing else."""
+        return self._vacant >= 0
+
     def check_set(self, at: int) -> None:
         """Refuses what was read last where it counts that it is vacant; in a sum it is 0."""
-        if self._vacant >= 0:
+        if self.is_vacant:
             key = "value.nothing" if self._vacant == NOTHING else "value.vacant"
             raise self.refusal(at, key, number=self._vacant)
 

@@ -50,6 +50,7 @@ def ends(text: str, dialect: str = "fanuc", block_delete: bool = False) -> list[
             "IF [#1NE#2] THEN X1.\nIF [#1GE0] THEN X2.\nIF [#1 GT 0] THEN X3.\nIF [[#1+0] EQ 0] THEN X4.",
             [2, 4],
         ),
+        ("#100=5\n#100=#0\nIF [#100 EQ #0] THEN X1.\n#1=7\n#1=#100\nIF [#1 NE #0] THEN X2.\nX[#1+3]", [1, 3]),
         ("GOTO 1\r\nX5.\r\nN1 X6.\r\nM30\r\n", [6]),
     ],
 )
@@ -79,7 +80,8 @@ def test_a_jump_that_block_delete_leaves_out_is_none() -> None:
         ("N1 X1.\nGOTO 1", "3:1", "50"),
         ("X#1", "2:1", "#1 has no value yet"),
         ("X[#1]", "2:1", "#1 has no value yet"),
-        ("#2=#1", "2:1", "#1 has no value yet"),
+        ("#0=1", "2:1", "#0"),
+        ("#2=1\n#2=#1\nX#2", "4:1", "#2 has no value yet"),
         ("M98 P7\nM30\nO7\nGOTO 10\nM99\nO8\nN10 X1.\nM99", "5:1", "leads to N10"),
     ],
 )
@@ -87,6 +89,12 @@ def test_what_leads_nowhere_is_refused_with_its_place(text: str, place: str, why
     with pytest.raises(ProgramError) as caught:
         ends(f"G21 G90 G0\n{text}")
     assert str(caught.value).startswith(f"p.nc:{place}: ") and why in caught.value.sentence
+
+
+def test_what_outlives_the_program_keeps_a_number() -> None:
+    on = replace(reference_interpreter.machine("fanuc", without_point="unit"), kept=((500, 999),))
+    with pytest.raises(ProgramError, match="#1 has no value yet"):
+        blocks.read(b"#500=1\n#500=#1\nM30\n", on, "p.nc")
 
 
 def test_under_rs274_they_are_another_controls_and_a_number_is_0_until_it_is_set() -> None:
