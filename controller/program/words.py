@@ -30,7 +30,6 @@ LENGTHS = frozenset("xyzabcuvwijkrq")  # letters of lengths and angles
 Take = Callable[[Rows, list[Block]], Other | None]
 
 _O_WORD = re.compile(r"o[ \t]*(?:<[^<>]*>|[0-9 \t]+)[ \t]*[a-z]{2}")
-_MARK = re.compile(r"[ \t]*%[ \t]*")
 _CORNER = re.compile(r",[ \t]*([rc])")
 _TEXT = re.compile(r"\(([^()]*)\)")
 _FILE = re.compile(r"[mM][ \t]*0*98[ \t]*(?:[lL][ \t]*[0-9]+[ \t]*)?\(([^()]+)\)")
@@ -106,7 +105,7 @@ class _Scan:
             if common is not None and common.lastindex is not None:
                 self.found = self._opened = True
                 yield Line(name, number, (), common, _plain_words)
-            elif _MARK.fullmatch(raw):
+            elif marks.PERCENT.fullmatch(raw):
                 if self._opened:
                     return
                 self._opened = True
@@ -118,7 +117,7 @@ class _Scan:
         if (common := COMMON.fullmatch(raw)) is not None and common.lastindex is not None:
             self.found = True
             return Line(name, number, (), common, _plain_words)
-        return None if _MARK.fullmatch(raw) else self._general(raw, name, number, callers)
+        return None if marks.PERCENT.fullmatch(raw) else self._general(raw, name, number, callers)
 
     def _general(self, raw: str, name: str, number: int, callers: Callers = ()) -> Line | None:
         try:

@@ -121,3 +121,10 @@ def test_functions_of_two_values(written: str, x: float) -> None:
 def test_a_power_of_one_value_is_refused(written: str) -> None:
     with pytest.raises(ProgramError):
         ends(f"G21 G90 G0\nX[{written}]")
+
+
+def test_percent_and_the_end_of_its_line_begin_and_end_a_text() -> None:
+    assert ends("%;\nO1(A);\nG21 G90 G0;\nM98 P7;\nX1.;\nM30;\nO7;\nX2.;\nM99;\n%;\nX3.\n") == [2, 1]
+    assert ends("%;\nG21 G90 G0;\nX1.;\n% ;\nX3.\n") == [1]
+    with pytest.raises(ProgramError, match="stands alone"):
+        ends("% X1.\nX3.\n")
