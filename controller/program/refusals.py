@@ -46,6 +46,10 @@ class _Refused(list[ProgramError]):
         if self._repeated > MAX_REPEATED:
             raise _Enough
 
+    def clear(self) -> None:
+        super().clear()
+        self._places.clear()
+
 
 def of(data: bytes, machine: Machine, name: str, start: Joints | None = None) -> list[ProgramError]:
     """The refusals of the text of a program as they are met, one for each place; none where it reads well."""
