@@ -43,7 +43,7 @@ def fit(
 ) -> None:
     """For each surface the largest radius, free and of the tool table, and the placement that keep it.
 
-    By its own cut alone, ends included; leads and neighbours are seen by check.
+    As check and verify judge its cut with its leads, alone: they see its neighbours, too.
     """
     with refusals(as_json, lambda: (ConfigError,)):
         made = machine_file.load(machine)
@@ -72,6 +72,9 @@ def fit(
             )
             return
         show.print(_table(found, tolerance))
+        for one, row in ((one, row) for one, best in found for row in best if row.why):
+            cutter = say(f"table.cutter.{row.kind}")
+            show.print(say("table.no_cutter", line=one.line, cutter=cutter, why=row.why), markup=False)
 
 
 def _surfaces(program: Path, machine: Machine) -> Iterator[fits.Asked]:
@@ -84,7 +87,7 @@ def _surfaces(program: Path, machine: Machine) -> Iterator[fits.Asked]:
             wrong = defect(surface)
             if wrong is not None and wrong.kind is not DefectKind.TWIST:
                 raise place.refusal(name, described(block, wrong))
-            yield fits.Asked(place.line, surface, block.modal.side.value)
+            yield fits.Asked(block, machine)
 
 
 def _finite(value: float) -> float | None:

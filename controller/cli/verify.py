@@ -22,10 +22,10 @@ from controller.program import blocks, linked
 from controller.program.program import Block, Place
 from controller.runtime import checked, events
 from controller.state.record_files import TRACE
-from controller.verify import forms, passes, tables, trace, wording
-from controller.verify.audit import Watched
+from controller.verify import passes, tables, trace, wording
+from controller.verify.audit import Watched, findings_of
 from controller.verify.console import Refused, bar, refusals, say, show, spoken, tell
-from controller.verify.gouges import Gouge, gouges, in_table
+from controller.verify.gouges import Findings, Gouge, gouges, in_table
 from controller.verify.judge import SETTLED_MM, Judged, Worst, Zone, judge
 from controller.verify.nominal import Nominal
 from controller.verify.sweep import FIT_MM, Pass
@@ -245,10 +245,11 @@ def _found(
     surfaces = passes.nominals(watched.stretches, fitted)
     ways = _ways(task, recorded, commanded, watched.stretches, surfaces, fitted)
     judged = judge(surfaces, ways, lambda share: progress(0.1 + 0.7 * share), spread)
-    errors_mm = 0.0 if recorded is None or commanded else _errors_mm(recorded, task, ways)
-    most_mm = task.machine.max_overcut_mm
-    seen = gouges(surfaces, ways, most_mm, lambda share: progress(0.8 + 0.2 * share), errors_mm, spread)
-    table = in_table(task.machine.table, _rough(task, recorded, watched.stretches, ways, fitted))
+    last = lambda share: progress(0.8 + 0.2 * share)  # noqa: E731
+    if recorded is None:
+        seen = findings_of(watched.stretches, fitted, task.machine, task.kinematics, last, spread)
+    else:
+        seen = _findings_of_trace(recorded, task, commanded, surfaces, ways, last, spread)
     left = [one.nominal.line for one in judged if recorded is not None and one.inside.uncut == 1.0]
     notes = [
         *walk.notes,
@@ -256,11 +257,24 @@ def _found(
         *[Note(Place(line, 1), messages.message("note.not_cut")) for line in left],
     ]
     of = "plan" if recorded is None else "commanded" if commanded else "actual"
-    hurt = sorted([*seen.gouges, *table], key=lambda one: one.by_line)
-    held = [one for one in judged if one.nominal.tolerance_mm is not None]
-    widened = [forms.widened(a, b) for a, b in zip(seen.verdicts, held, strict=True)]
-    verdicts = [one for one in widened if one.line not in left]
-    return Found(of, judged, hurt, seen.ends, verdicts, notes)
+    verdicts = [one for one in seen.verdicts if one.line not in left]
+    return Found(of, judged, seen.gouges, seen.ends, verdicts, notes)
+
+
+def _findings_of_trace(
+    recorded: trace.Trace,
+    task: checked.Task,
+    commanded: bool,
+    surfaces: Sequence[Nominal],
+    ways: Mapping[Tool, list[Pass]],
+    progress: Any,
+    spread: Spread,
+) -> Findings:
+    """Gouges and verdicts of a recorded run; those of a plan are ``findings_of``."""
+    errors_mm = 0.0 if commanded else _errors_mm(recorded, task, ways)
+    seen = gouges(surfaces, ways, task.machine.max_overcut_mm, progress, errors_mm, spread)
+    table = in_table(task.machine.table, [(tool, one) for tool, rows in ways.items() for one in rows])
+    return replace(seen, gouges=sorted([*seen.gouges, *table], key=lambda one: one.by_line))
 
 
 def _bounds(judged: Sequence[Judged], progress: Any, spread: Spread) -> list[Bound]:
@@ -302,21 +316,6 @@ def _errors_mm(recorded: trace.Trace, task: checked.Task, ways: Mapping[Tool, li
     top_mm = max((tool.length_mm + tool.flute_mm for tool in ways), default=0.0)
     tilted = np.radians(errors.axis_deg) * top_mm
     return float((errors.path_mm + tilted).max(initial=0.0))
-
-
-def _rough(
-    task: checked.Task,
-    recorded: trace.Trace | None,
-    stretches: Mapping[int, Stretch],
-    ways: Mapping[Tool, list[Pass]],
-    fitted: passes.Fitted,
-) -> list[tuple[Tool, Pass]]:
-    """All motions, for the table; none where the machine file has none."""
-    if task.machine.table is None:
-        return []
-    if recorded is None:
-        return passes.rough(stretches, fitted, task.kinematics)
-    return [(tool, one) for tool, rows in ways.items() for one in rows]
 
 
 # ---- for people --------------------------------------------------------------------

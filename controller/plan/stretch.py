@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from controller.geometry.curves import Arc, Line
-from controller.geometry.vectors import ROUNDING, Vector, norm, subtract
+from controller.geometry.vectors import ROUNDING, Number, Vector, norm, subtract
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints
 from controller.messages import DEFAULT, LANGUAGES, Key, Message, text
@@ -82,6 +82,11 @@ class Stretch:
     # A spline of many lines with all their corners (``lines.exact_rows``): its law and its stops know them.
     is_exact_row: bool = False
     hole: str = ""  # as ``JointLine.hole``
+    share: tuple[float, float] = (0.0, 1.0)  # of its block, in the block's u, that a surface cut is
+
+    def block_u(self, u: Number) -> Number:
+        """The parameter of the block's whole surface at that of the motion's own."""
+        return self.share[0] + (self.share[1] - self.share[0]) * u
 
     def scale(
         self, override: float, rapid_override: float, adaptive: float = 1.0, everywhere: float = 1.0

@@ -93,6 +93,7 @@ class MotionFacts:
     feed_steps: tuple[tuple[float, float], ...] = ()  # (s, feed) where lines of a row have others
     lines: tuple[LinePart, ...] = ()  # of which program lines it is; a way aside is of none
     states: tuple[tuple[float, State], ...] = ()  # (s from which it is in force, state) where lines differ
+    share: tuple[float, float] = (0.0, 1.0)  # of the block's u, that a surface cut is
 
     def place(self, s: float) -> Passed | None:
         """Of the program, as a check marks it."""
@@ -113,9 +114,11 @@ class MotionFacts:
         return part_at(self.lines, s)[1]
 
     def in_block(self, s: float) -> dict[str, Any]:
-        """What the motion is, the share of it that is done at ``s``, and on a surface its parameter u."""
+        """What the motion is, the share of it that is done at ``s``, and on a surface the u of its block."""
         done = min(1.0, max(0.0, s / self.end_s)) if self.end_s > 0.0 else 0.0
-        return {"what": self.name, "fraction": done, "u": self.arc.u_at(s) if self.arc is not None else None}
+        begins, ends = self.share
+        u = None if self.arc is None else begins + (ends - begins) * self.arc.u_at(s)
+        return {"what": self.name, "fraction": done, "u": u}
 
 
 @dataclass(frozen=True, slots=True)

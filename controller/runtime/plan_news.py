@@ -136,8 +136,9 @@ class PathNotes:
         tool, lines = self._known.get(id(stretch), (None, ()))
         state = self.in_force.at(stretch.place.order) or POWER_ON
         shown = (stretch.end, stretch.feed_mm_s, stretch.name, tool, state)
-        arc = motion.arc if isinstance(motion, SurfaceCut) else None
-        return MotionFacts(*shown, motion.end, arc, stretch.feed_steps, lines, self._states(lines))
+        arc = motion.arc if isinstance(motion, SurfaceCut) and stretch.cutting else None
+        steps, states = stretch.feed_steps, self._states(lines)
+        return MotionFacts(*shown, motion.end, arc, steps, lines, states, stretch.share)
 
     def _states(self, lines: Sequence[LinePart]) -> tuple[tuple[float, State], ...]:
         """Of a motion of several lines: from which s on which modal state is in force."""

@@ -82,7 +82,7 @@ def audit(
     if machine.table is None and not any(isinstance(s.motion, SurfaceCut) for s in stretches.values()):
         return Audit([], [], [])
     fitted = passes.Fitted.of(read(), machine)
-    findings = _found(stretches, fitted, machine, kinematics, progress, spread)
+    findings = findings_of(stretches, fitted, machine, kinematics, progress, spread)
     found = findings.gouges
     places = _places(stretches.values())
     if found and machine.gouge == "refuse":
@@ -135,15 +135,18 @@ def _form_refusal(verdicts: list[Verdict], places: Mapping[int, Place], name: st
     return refused
 
 
-def _found(
+def findings_of(
     stretches: dict[int, Stretch],
     fitted: passes.Fitted,
     machine: Machine,
     kinematics: Kinematics,
-    progress: Callable[[float], None],
-    spread: Spread,
+    progress: Callable[[float], None] = lambda _: None,
+    spread: Spread = here,
 ) -> Findings:
-    """All that is told, in the order of the blocks that do it."""
+    """Gouges and verdicts on the surfaces of a planned path, in the order of the blocks that make them.
+
+    It is the one judgement of a plan: ``check``, ``verify`` and ``fit`` report what it finds.
+    """
     surfaces = passes.nominals(stretches, fitted)
     near = passes.planned(stretches, surfaces, fitted, kinematics, rough=True) if surfaces else {}
     found = gouges(surfaces, near, machine.max_overcut_mm, progress, spread=spread)

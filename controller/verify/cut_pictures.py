@@ -88,7 +88,7 @@ def _map(figure: Figure, one: Judged, k: int, count: int, most: float) -> None:
     height = 0.70 / count
     axes = figure.add_axes((0.06, 0.17 + (count - 1 - k) * height, 0.38, height - 0.075))
     axes.imshow(
-        1e3 * one.map.t.T, extent=(0.0, 1.0, 1.0, 0.0), aspect="auto", cmap=COLOURS,
+        1e3 * one.map.t.T, extent=(*one.nominal.share, 1.0, 0.0), aspect="auto", cmap=COLOURS,
         vmin=-1e3 * most, vmax=1e3 * most, interpolation="bilinear",
     )  # fmt: skip
     for worst, colour in ((one.whole.overcut, "#67001F"), (one.whole.undercut, "#053061")):

@@ -31,6 +31,7 @@ CLOSE_MM = 1e-8  # F below which the root is found
 FAR_STEP_MM = 1e-3  # a longer step looks at all poses again
 MAX_STEPS = 30
 STEEPEST = 2.0  # a line that meets the border at less than 30 degrees is one over an edge
+ASIDE_MM = 0.01  # further than the tool is from a point, its normal meets what is cut on some other side
 FLATTEST = 0.2  # slope of F along the normal with which a step is taken at least
 
 
@@ -140,7 +141,7 @@ def _exact_slab(
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Deviation:
-    """For each point: t (N,) in mm, negative overcut, nan where no pose comes near; and the pose."""
+    """For each point: t (N,) in mm, negative overcut, nan where nothing cuts at all; and the pose."""
 
     t: Array
     sample: Index
@@ -148,35 +149,35 @@ class Deviation:
     distance: Array  # F(p): the signed distance of the nominal point itself
 
 
-def deviation(points: Array, normals: Array, sweep: Sweep, body: Body, reach_mm: float) -> Deviation:
+def deviation(points: Array, normals: Array, sweep: Sweep, body: Body) -> Deviation:
     """Signed deviation of the cut surface at ``points`` (N, 3) along unit ``normals`` (N, 3).
 
-    Points with nothing cut within ``reach_mm`` above them are left, nan. At a sharp edge the
-    line leaves the part after a hair's breadth of it and goes on in the air that was cut on the
-    other side; so overcut counts as no more than twice the depth of the point in the tool. Below a
-    cutter that runs a hair above the lower edge the line meets it far off or nowhere; so undercut
-    counts as no more than twice the distance of the point to the tool.
+    At a sharp edge the line leaves the part after a hair's breadth of it and goes on in the air that was
+    cut on the other side; so overcut counts as no more than twice the depth of the point in the tool. Below
+    a cutter that runs a hair above the lower edge, and above its flute, the line meets it far off or nowhere;
+    so undercut counts as no more than twice the distance of the point to the tool, and as no more than
+    ``ASIDE_MM`` beyond that distance. So it is continuous: no limit decides whether a point is held cut.
     """
     found = nearest(points, sweep, body)
-    t, own = np.zeros(len(points)), found.distance.copy()
+    t, own = np.where(np.isfinite(found.distance), 0.0, np.nan), found.distance.copy()
     sample, s, value = found.sample.copy(), found.s.copy(), found.distance.copy()
     slope = np.full(len(points), -1.0)
-    t[value > reach_mm] = np.nan
-    open_ = np.flatnonzero((np.abs(value) > CLOSE_MM) & (value <= reach_mm))
+    least, most = np.minimum(STEEPEST * own, 0.0), np.maximum(own + np.minimum(own, ASIDE_MM), 0.0)
+    open_ = np.flatnonzero((np.abs(value) > CLOSE_MM) & np.isfinite(value))
     for _ in range(MAX_STEPS):
         if not len(open_):
             break
         step = value[open_] / -slope[open_]
         t[open_] += step
+        inside = (t[open_] < most[open_]) | (own[open_] < 0.0)
+        open_, step = open_[inside], step[inside]
         there = points[open_] + t[open_, None] * normals[open_]
         after = _again(there, np.abs(step), sample[open_], s[open_], sweep, body)
         change = (after.distance - value[open_]) / np.where(step == 0.0, 1.0, step)
         slope[open_] = np.clip(change, -1.0, -FLATTEST)
         value[open_], sample[open_], s[open_] = after.distance, after.sample, after.s
-        t[open_] = np.where(t[open_] > reach_mm, np.nan, t[open_])
-        open_ = open_[(np.abs(value[open_]) > CLOSE_MM) & ~np.isnan(t[open_])]
-    most = STEEPEST * own
-    return Deviation(np.clip(t, np.minimum(most, 0.0), np.maximum(most, 0.0)), sample, s, own)
+        open_ = open_[np.abs(value[open_]) > CLOSE_MM]
+    return Deviation(np.clip(t, least, most), sample, s, own)
 
 
 def _again(points: Array, step: Array, sample: Index, s: Array, sweep: Sweep, body: Body) -> Nearest:

@@ -1,9 +1,10 @@
 """The largest cutter that keeps a tolerance on a surface, and the placement that does it.
 
 What twist costs grows with the radius, in proportion while it is little; so the largest radius is
-found by a few cuts of trial, each swept and measured as ``check`` measures a cut: the surface by its
-own cut, ends included. Leads and neighbours are not in it. A tool of the table is tried as it is, with
-its flute, shank and holder.
+found by a few cuts of trial. Each is planned as the only cut of a program, with its approach, leads and
+departure, and judged by ``audit.findings_of``, as ``check`` and ``verify`` judge it: a cutter keeps the
+tolerance where they find no gouge and a verdict within it. Neighbours are not in it. A tool of the table is
+tried as it is, with its flute, shank and holder.
 """
 
 from __future__ import annotations
@@ -11,26 +12,24 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
-from controller.geometry import arc_length
-from controller.geometry.arrays import columns
 from controller.geometry.defects import concave_radius
 from controller.geometry.placement import Strategy
 from controller.geometry.surfaces import Surface
 from controller.geometry.vectors import Frame
-from controller.machine.model import Tool
-from controller.plan.surfaces.placing import Cutter, place
-from controller.verify import forms
-from controller.verify.looks import NOT_CUT, SurfaceGrid, blunts_of
+from controller.machine.kinematics import kinematics_of
+from controller.machine.model import Machine, Tool
+from controller.messages import Message
+from controller.plan.path.path import PathBuilder
+from controller.plan.surfaces import choices
+from controller.plan.surfaces.cuts import surface_of
+from controller.program.position import homed
+from controller.program.program import CutBlock, ProgramError
+from controller.verify import passes
+from controller.verify.audit import Watched, findings_of
 from controller.verify.nominal import Nominal, grid
-from controller.verify.passes import ROUGH_FIT_MM, extent_mm, height_mm, longest, step_mm
-from controller.verify.sweep import Pass, Sweep, sampled
-
-Array = NDArray[np.float64]
+from controller.verify.passes import longest
 
 STRATEGIES = (Strategy.SINGLE, Strategy.DOUBLE, Strategy.OPTIMAL)
 LARGEST_MM, SMALLEST_MM = 25.0, 0.05  # radii that are looked at
@@ -51,23 +50,27 @@ class Best:
     tool: int | None  # the largest of the tool table that keeps it
     tool_radius_mm: float | None
     tool_placement: str
+    why: Message | str = ""  # none keeps it: what the last trial was refused for, or gouged; "": it exceeded
 
     def to_dict(self) -> dict[str, Any]:
-        return {name: getattr(self, name) for name in self.__slots__}
+        return {name: getattr(self, name) for name in self.__slots__ if name != "why"}
 
 
 @dataclass(frozen=True, slots=True)
 class Asked:
-    """A surface to be fitted."""
+    """A surface to be fitted: its block, and the machine that is to cut it."""
 
-    line: int
-    surface: Surface
-    side: float  # +1: Eq. 5's side
+    block: CutBlock
+    machine: Machine
+
+    @property
+    def line(self) -> int:
+        return self.block.place.line
 
     def hollow_mm(self) -> float:
-        """The least radius of its hollows on that side: no larger cutter fits."""
+        """The least radius of its hollows on the cutter's side: no larger cutter fits."""
         bend = float(self._nominal.hollow(*grid(129, 9)).max())
-        at_edge, _ = concave_radius(self.surface, self.side)
+        at_edge, _ = concave_radius(self._surface, self._side)
         return min(at_edge, 1.0 / bend if bend > 0.0 else math.inf)
 
     def flank_mm(self) -> float:
@@ -75,63 +78,78 @@ class Asked:
         return longest([self._nominal])
 
     @property
+    def length_mm(self) -> float:
+        """Of the tool that the program has for it: a cutter that is none of the table is held as far off."""
+        tool = self.block.modal.tool_in(self.machine)
+        return tool.length_mm if tool is not None else 0.0
+
+    @property
+    def _surface(self) -> Surface:
+        return surface_of(self.block)
+
+    @property
+    def _side(self) -> float:
+        return self.block.modal.side.value
+
+    @property
     def _nominal(self) -> Nominal:
-        return Nominal(self.surface, Frame(), self.side, Tool(1, "", 1.0, 0.0, 1.0), self.line)
+        return Nominal(self._surface, Frame(), self._side, Tool(1, "", 1.0, 0.0, 1.0), self.line)
 
 
-def off_mm(asked: Asked, tool: Tool, strategy: Strategy) -> float:
-    """How far a surface is off at most by its own cut alone; infinite where what does not cut is in it."""
-    cutter = Cutter.of(tool, asked.side, 0.0, tool.below_mm)
-    surface = place(asked.surface, cutter, strategy)
-    nominal = Nominal(surface, Frame(), asked.side, tool, asked.line, 0, tolerance_mm=1e-9)
-    sweeps = {tool: _sweep(nominal, cutter)}
-    look = SurfaceGrid(nominal, sweeps, blunts_of(sweeps, extent_mm([nominal])))
-    if any(hurt.kind in NOT_CUT for hurt in look.hurts(lambda _: (look,), None)):
-        return math.inf
-    made = forms.verdict(look)
-    assert made is not None
-    return made.largest_mm
+class Trial(NamedTuple):
+    """How far a cut leaves its surface off at most, mm; inf where it is refused or gouges, and why."""
+
+    off_mm: float
+    why: Message | str = ""
 
 
-def _sweep(nominal: Nominal, cutter: Cutter) -> Sweep:
-    arc = arc_length.of(nominal.surface.lower)
-
-    def poses(s: Array) -> tuple[Array, Array]:
-        tip, axis = nominal.surface.pose(arc.u_along(s), cutter.offset_mm, np)
-        return _rows(tip, len(s)), _rows(axis, len(s))
-
-    height = height_mm(nominal.tool, [nominal])
-    s, tips, axes = sampled(poses, arc.length_mm, step_mm(nominal.tool, rough=True), height, ROUGH_FIT_MM)
-    return Sweep([Pass(s, tips, axes, nominal.line, "cut", nominal.motion)], height)
+Row = tuple[Strategy, float, Trial]  # a placement, the largest radius in it, and its trial
 
 
-def _rows(vector: Sequence[Any], n: int) -> Array:
-    return columns(vector, n)
+def trial(asked: Asked, tool: Tool, strategy: Strategy, tolerance_mm: float) -> Trial:
+    """One tool in one placement, as ``check`` judges a program that has no other cut."""
+    machine = replace(asked.machine, gouge="warn")  # what gouges is to be found here, not refused before
+    modal = replace(asked.block.modal, cutter=tool, placement=strategy.value, tolerance_mm=tolerance_mm)
+    block, kinematics, start = replace(asked.block, modal=modal), kinematics_of(machine), homed(machine)
+    try:
+        chosen = choices.choices([block], machine, kinematics, start, "")
+        watched = Watched(PathBuilder("", machine, kinematics, start, chosen).items([block]))
+        for _ in watched:
+            pass
+    except ProgramError as refused:
+        return Trial(math.inf, refused.said)
+    fitted = passes.Fitted.of([block], machine)
+    found = findings_of(watched.stretches, fitted, machine, kinematics)
+    if found.gouges:
+        return Trial(math.inf, found.gouges[0].message)
+    return Trial(max(one.largest_mm for one in found.verdicts))
 
 
 def largest(
     asked: Asked, shape: Tool, strategy: Strategy, tolerance_mm: float, most_mm: float
-) -> tuple[float, float]:
-    """The largest radius (mm; 0: none) of a shape in one placement, and how far off it leaves the surface."""
-    low, low_off, high, trial = 0.0, 0.0, most_mm, most_mm
+) -> tuple[float, Trial]:
+    """The largest radius (mm; 0: none) of a shape in one placement, and its trial; of none the last one."""
+    low, high, radius = 0.0, most_mm, most_mm
+    best = tried = Trial(math.inf)
     for _ in range(TRIALS):
-        off = off_mm(asked, scaled(shape, trial, asked.flank_mm()), strategy)
-        if off <= tolerance_mm:
-            low, low_off = trial, off
+        tool = scaled(shape, radius, asked.flank_mm(), asked.length_mm)
+        tried = trial(asked, tool, strategy, tolerance_mm)
+        if tried.off_mm <= tolerance_mm:
+            low, best = radius, tried
         else:
-            high = trial
+            high = radius
         if low >= high / CLOSE or high < SMALLEST_MM:
             break
-        guess = trial * tolerance_mm / max(off, 1e-9)
+        guess = radius * tolerance_mm / max(tried.off_mm, 1e-9)
         gap = high - low
-        trial = min(max(guess, low + 0.1 * gap), low + 0.9 * gap)
-    return low, low_off
+        radius = min(max(guess, low + 0.1 * gap), low + 0.9 * gap)
+    return low, best if low > 0.0 else tried
 
 
-def scaled(shape: Tool, radius_mm: float, flank_mm: float = 0.0) -> Tool:
+def scaled(shape: Tool, radius_mm: float, flank_mm: float = 0.0, length_mm: float = 0.0) -> Tool:
     """The same kind of cutter in another radius: its corner grows with it, its flank is so long."""
     corner = shape.corner_mm * radius_mm / shape.radius_mm
-    made = replace(shape, radius_mm=radius_mm, corner_mm=corner, holder=(), length_mm=0.0)
+    made = replace(shape, radius_mm=radius_mm, corner_mm=corner, holder=(), length_mm=length_mm)
     return replace(made, flute_mm=made.flute_mm - made.flank_mm + flank_mm)
 
 
@@ -159,23 +177,24 @@ def fit(asked: Asked, tools: Iterable[Tool], tolerance_mm: float) -> list[Best]:
 
 
 def _of_table(
-    asked: Asked, tools: Iterable[Tool], rows: Sequence[tuple[Strategy, float, float]], tolerance_mm: float
+    asked: Asked, tools: Iterable[Tool], rows: Sequence[Row], tolerance_mm: float
 ) -> tuple[Tool, Strategy] | None:
     """The first of some tools, the largest first, that keeps the tolerance as it is, and its placement."""
     for tool in tools:
         for strategy, radius, _ in rows:
-            if tool.radius_mm <= radius and off_mm(asked, tool, strategy) <= tolerance_mm:
+            fits = tool.radius_mm <= CLOSE * radius
+            if fits and trial(asked, tool, strategy, tolerance_mm).off_mm <= tolerance_mm:
                 return tool, strategy
     return None
 
 
-def _placed(asked: Asked, shape: Tool, tolerance_mm: float) -> list[tuple[Strategy, float, float]]:
-    """Largest radius and what is off, by placement; a later one only where it can do better."""
+def _placed(asked: Asked, shape: Tool, tolerance_mm: float) -> list[Row]:
+    """Largest radius and its trial, by placement; a later one only where it can do better."""
     most = min(LARGEST_MM, asked.hollow_mm() * (1.0 - 1e-6))
     rows = []
     for strategy in STRATEGIES:
-        radius, off = largest(asked, shape, strategy, tolerance_mm, most)
-        rows.append((strategy, radius, off))
+        radius, found = largest(asked, shape, strategy, tolerance_mm, most)
+        rows.append((strategy, radius, found))
         if radius >= most / CLOSE:
             break
     return rows
@@ -184,21 +203,23 @@ def _placed(asked: Asked, shape: Tool, tolerance_mm: float) -> list[tuple[Strate
 def _best(
     kind: str,
     taper_rad: float,
-    rows: Sequence[tuple[Strategy, float, float]],
+    rows: Sequence[Row],
     own: tuple[Tool, Strategy] | None,
 ) -> Best:
-    strategy, radius, off = rows[0]
+    strategy, radius, found = rows[0]
     for other in rows[1:]:
         if other[1] > GAIN * radius:
-            strategy, radius, off = other
+            strategy, radius, found = other
+    has_one = radius > 0.0
     tool, by = own or (None, None)
     return Best(
         kind,
         math.degrees(taper_rad),
         radius,
-        strategy.name.lower() if radius > 0.0 else "",
-        off,
+        strategy.name.lower() if has_one else "",
+        found.off_mm if has_one else 0.0,
         tool.number if tool else None,
         tool.radius_mm if tool else None,
         by.name.lower() if by else "",
+        "" if has_one else found.why,
     )

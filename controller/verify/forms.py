@@ -16,16 +16,15 @@ from numpy.typing import NDArray
 from controller.geometry.placement import Strategy
 from controller.machine.model import JOINT_TOLERANCE_DEG
 from controller.plan.report.verdict import Verdict
-from controller.verify.judge import Judged
 from controller.verify.looks import SurfaceGrid
-from controller.verify.nominal import Nominal
+from controller.verify.nominal import Nominal, peaks
 
 Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 SURE_SHARE = 0.5  # of the tolerance: what is off by less on the grid is not zoomed into
-ZOOMED = 3  # places of each sign
-STEPS, POINTS = 6, 5  # of a zoom
+LIKELY_SHARE = 0.1  # the same, beside a pivot
+ZOOMED, FEW = 16, 3  # places of each sign, at first and at last
+STEPS, POINTS = 8, 5  # of a zoom
 FEWEST, SETTLED_MM = 2, 1e-6  # it ends where a step after these gains less
 BESIDE_UP = ("lead in", "lead out", "link", "plunge", "lift")
 MIN_RADIUS_MM = 0.05  # a smaller cutter is no advice
@@ -37,7 +36,7 @@ def verdict(look: SurfaceGrid) -> Verdict | None:
     if nominal.tolerance_mm is None:
         return None
     over, under = (_worst(look, sign, nominal.tolerance_mm) for sign in (-1.0, 1.0))
-    over = max(over, _in_corners(look))
+    over = max(over, _in_corners(look, nominal.tolerance_mm))
     _, u, v = max(over, under)
     by, by_line = look.cut_by(u, v)
     made = Verdict(
@@ -53,7 +52,8 @@ def verdict(look: SurfaceGrid) -> Verdict | None:
         by=by,
         by_line=by_line,
     )
-    return made if made.within else _advised(made, look)
+    made = made if made.within else _advised(made, look)
+    return replace(made, u=nominal.block_u(made.u))
 
 
 def _worst(look: SurfaceGrid, sign: float, tolerance_mm: float) -> tuple[float, float, float]:
@@ -63,20 +63,27 @@ def _worst(look: SurfaceGrid, sign: float, tolerance_mm: float) -> tuple[float, 
     if float(size.max()) < SURE_SHARE * tolerance_mm:
         starts = np.array([int(np.argmax(size))])
         return _measured(look, look.u[starts], look.v[starts], size[starts], sign)
-    starts = _apart(size, look.shape)
+    starts = peaks(size, look.shape[1], ZOOMED)
     best = _measured(look, look.u[starts], look.v[starts], size[starts], sign)
+    return _climbed(look, look.u[starts], look.v[starts], sign, best)
+
+
+def _climbed(
+    look: SurfaceGrid, u: Array, v: Array, sign: float, best: tuple[float, float, float]
+) -> tuple[float, float, float]:
+    """The largest amount about some places (K,), from the best of them: amount, u, v."""
     half = 1.0 / (np.array(look.shape) - 1.0)
-    u, v = look.u[starts], look.v[starts]
     for k in range(STEPS):
         amount, u, v = _zoomed(look, u, v, half, sign)
         before, best = best, max(best, *zip(amount.tolist(), u.tolist(), v.tolist(), strict=True))
-        half = half / (0.5 * (POINTS - 1))
+        likely = np.argsort(-amount, kind="stable")[: max(FEW, len(amount) // 2)]
+        u, v, half = u[likely], v[likely], half / (0.5 * (POINTS - 1))
         if k >= FEWEST and best[0] - before[0] < SETTLED_MM:
             break
     return best
 
 
-def _in_corners(look: SurfaceGrid) -> tuple[float, float, float]:
+def _in_corners(look: SurfaceGrid, tolerance_mm: float) -> tuple[float, float, float]:
     """The deepest overcut (mm) beside a pivot, its u and v: too narrow for the points of the grid.
 
     In a concave corner the cutter stands deepest in either surface as far from the joint as its tip turns.
@@ -90,7 +97,8 @@ def _in_corners(look: SurfaceGrid) -> tuple[float, float, float]:
     if not len(away):
         return 0.0, 0.0, 0.0
     u, v = (m.ravel() for m in np.meshgrid(np.append(away, 1.0 - away), np.linspace(0.0, 1.0, POINTS)))
-    return _measured(look, u, v, np.zeros(len(u)), -1.0)
+    best = _measured(look, u, v, np.zeros(len(u)), -1.0)
+    return _climbed(look, u, v, -1.0, best) if best[0] > LIKELY_SHARE * tolerance_mm else best
 
 
 def _zoomed(look: SurfaceGrid, u: Array, v: Array, half: Array, sign: float) -> tuple[Array, Array, Array]:
@@ -115,31 +123,6 @@ def _measured(look: SurfaceGrid, u: Array, v: Array, near: Array, sign: float) -
     amount = np.where(np.isnan(t), near, _net(look, t, sign))
     k = int(np.argmax(amount))
     return float(amount[k]), float(u[k]), float(v[k])
-
-
-def _apart(size: Array, shape: tuple[int, int]) -> Index:
-    """Indices of the largest values that are no neighbours on the grid."""
-    found: list[int] = []
-    for i in np.argsort(-size, kind="stable")[: 64 * ZOOMED]:
-        row, column = divmod(int(i), shape[1])
-        if all(max(abs(row - k // shape[1]), abs(column - k % shape[1])) > 1 for k in found):
-            found.append(int(i))
-        if len(found) == ZOOMED:
-            break
-    return np.array(found, dtype=np.int64)
-
-
-def widened(made: Verdict, judged: Judged) -> Verdict:
-    """With what a closer look along the normals has found beyond it."""
-    nominal, zone = judged.nominal, judged.whole
-    over, under = -zone.overcut.mm if zone.overcut else 0.0, zone.undercut.mm if zone.undercut else 0.0
-    under -= nominal.allowance_mm
-    found = zone.overcut if over >= under else zone.undercut
-    amounts = replace(made, overcut_mm=max(made.overcut_mm, over), undercut_mm=max(made.undercut_mm, under))
-    if found is None or amounts.largest_mm <= made.largest_mm:
-        return amounts
-    height = _height_mm(nominal, found.u, found.v)
-    return replace(amounts, u=found.u, v=found.v, height_mm=height, place=found.place)
 
 
 def _height_mm(nominal: Nominal, u: float, v: float) -> float:

@@ -192,7 +192,7 @@ class _Looks:
 def _overcut(look: SurfaceGrid) -> Overcut:
     """By depth, as gouges are found; told along the normal, as ``judge`` does."""
     u, v, depth = look.deepest(look.whole_cut)
-    return Overcut(look.nominal.line, max(depth, look.overcut(u, v)), u, v)
+    return Overcut(look.nominal.line, max(depth, look.overcut(u, v)), look.nominal.block_u(u), v)
 
 
 def _gouge(look: SurfaceGrid, hurt: Hurt) -> Gouge:
@@ -201,7 +201,19 @@ def _gouge(look: SurfaceGrid, hurt: Hurt) -> Gouge:
     place = look.nominal.place(u, v)
     by_line = by.line_at(look.nominal.points(np.array([u]), np.array([v])))
     tool = by.tool.number
-    return Gouge(hurt.kind, line, by_line, by.name, tool, depth, u, v, place, hurt.bound_mm, hurt.body)
+    return Gouge(
+        hurt.kind,
+        line,
+        by_line,
+        by.name,
+        tool,
+        depth,
+        look.nominal.block_u(u),
+        v,
+        place,
+        hurt.bound_mm,
+        hurt.body,
+    )
 
 
 # ---- the table ---------------------------------------------------------------------

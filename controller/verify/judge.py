@@ -23,21 +23,22 @@ from controller.geometry.vectors import Vector
 from controller.machine.model import Tool
 from controller.verify.bodies import cutter
 from controller.verify.envelope import deviation
-from controller.verify.nominal import Nominal, grid
+from controller.verify.nominal import Nominal, grid, peaks
 from controller.verify.passes import height_mm
 from controller.verify.sweep import Pass, Sweep
 from controller.workers import Spread, here
 
 Array = NDArray[np.float64]
-Index = NDArray[np.int64]
+Flags = NDArray[np.bool_]
 
 INSIDE = (0.02, 0.98)  # of u: without the ends
 SETTLED_MM = 1e-4  # change of the largest deviation from one grid to the next
 FIRST_GRID = (65, 9)
 MAX_LEVELS = 4
-ZOOMED = 4  # worst cells of a grid
+ZOOMED = 4  # worst places of a grid
 ZOOM_POINTS = 7  # of a zoomed cell, along and across
 ZOOM_STEPS = 8
+UNCUT_MM = 0.5  # at least, or a radius: what is further from all that cuts is uncut, and in no mean
 SURFACE_S = 0.5  # that one takes, about
 PERCENTILES = (50.0, 90.0, 99.0)
 
@@ -47,7 +48,7 @@ class Worst:
     """The largest deviation of one sign and its place."""
 
     mm: float  # signed: negative overcut
-    u: float
+    u: float  # of the block's whole surface
     v: float
     place: Vector  # part frame, mm
 
@@ -62,13 +63,16 @@ class Worst:
 
 @dataclass(frozen=True, slots=True)
 class Zone:
-    """Deviation over a part of a surface, mm; ``mean`` and ``percentiles`` are of its amount."""
+    """Deviation over a part of a surface, mm.
+
+    ``mean`` and ``percentiles`` are of its amount where it is cut; ``undercut`` is of all of it.
+    """
 
     overcut: Worst | None  # None: nothing is cut too deep
     undercut: Worst | None
     mean_mm: float
     percentiles_mm: Mapping[str, float]
-    uncut: float  # share of the grid that no tool comes to
+    uncut: float  # share of the grid that no tool comes within its radius of
     points: int  # of the last grid
     settled_mm: float  # change of the largest deviation at the last doubling
 
@@ -150,19 +154,14 @@ class Cutting:
         """The cut of a surface alone."""
         return self.of(lambda _, one: one.name == "cut" and one.line == nominal.line)
 
-    def deviation(self, nominal: Nominal, u: Array, v: Array) -> Array:
-        """Signed deviation (N,) mm at u and v (N,); nan where nothing is cut."""
+    def deviation(self, nominal: Nominal, u: Array, v: Array) -> tuple[Array, Array]:
+        """Signed deviation (N,) mm at u and v (N,), and distances (N,) to what cuts; nan, inf: nothing."""
         points, normals = nominal.points(u, v), nominal.normals(u, v)
-        t = np.full(len(u), np.nan)
+        t, distance = np.full(len(u), np.nan), np.full(len(u), np.inf)
         for body, sweep in self.tools.values():
-            found = deviation(points, normals, sweep, body, reach_mm(nominal.tool))
-            t = np.fmin(t, found.t)
-        return t
-
-
-def reach_mm(tool: Tool) -> float:
-    """How far above a nominal point the cut surface is looked for."""
-    return max(tool.radius_mm, 0.5)
+            found = deviation(points, normals, sweep, body)
+            t, distance = np.fmin(t, found.t), np.minimum(distance, found.distance)
+        return t, distance
 
 
 def judge(
@@ -220,15 +219,21 @@ class Field:
         self.nominal, self._cutting = nominal, cutting
 
     def __call__(self, u: Array, v: Array) -> Array:
-        return self._cutting.deviation(self.nominal, u, v)
+        return self._cutting.deviation(self.nominal, u, v)[0]
+
+    def _on_grid(self, u: Array, v: Array) -> tuple[Array, Flags]:
+        """The deviation (N,), and which points stand uncut (N,): a radius or more from all that cuts."""
+        t, distance = self._cutting.deviation(self.nominal, u, v)
+        return t, distance > max(self.nominal.tool.radius_mm, UNCUT_MM)
 
     def once(self, along: int, across: int) -> tuple[Zone, Map]:
         """The whole surface on one grid, its worst places zoomed into: no more is looked at."""
         u, v = grid(along, across)
-        t = self(u, v)
+        t, uncut = self._on_grid(u, v)
         cell = (1.0 / (along - 1), 1.0 / (across - 1))
         look = partial(self._worst, t, (u, v), cell, (0.0, 1.0))
-        return self._zone(t, (look(-1.0), look(1.0)), np.inf), self._map(t, (u, v), across)
+        cut = np.where(uncut, np.nan, t)
+        return self._zone(cut, (look(-1.0), look(1.0)), np.inf), self._map(cut, (u, v), across)
 
     def zone(self, low: float, high: float) -> tuple[Zone, Map]:
         """Over low <= u <= high, on grids that are doubled until the largest deviations stand."""
@@ -237,7 +242,7 @@ class Field:
         settled = np.inf
         for _ in range(MAX_LEVELS):
             u, v = grid(along, across, (low, high))
-            t = self(u, v)
+            t, uncut = self._on_grid(u, v)
             cell = ((high - low) / (along - 1), 1.0 / (across - 1))
             look = partial(self._worst, t, (u, v), cell, (low, high))
             before, worst = worst, (look(-1.0), look(1.0))
@@ -245,7 +250,8 @@ class Field:
             if settled < SETTLED_MM:
                 break
             along, across = 2 * along - 1, 2 * across - 1
-        return self._zone(t, worst, settled), self._map(t, (u, v), len(distinct(v)))
+        cut = np.where(uncut, np.nan, t)
+        return self._zone(cut, worst, settled), self._map(cut, (u, v), len(distinct(v)))
 
     def _worst(
         self,
@@ -258,7 +264,7 @@ class Field:
         """The largest deviation of a sign: the worst points of the grid, zoomed into."""
         size = np.nan_to_num(sign * t, nan=-np.inf)
         u, v = at
-        starts = _apart(size, u / cell[0], v / cell[1])
+        starts = peaks(size, len(distinct(v)), ZOOMED)
         if not len(starts):
             return None
         a, b, half = u[starts], v[starts], np.array(cell)
@@ -273,7 +279,7 @@ class Field:
         if best[k] <= 0.0:
             return None
         place = self.nominal.place(float(a[k]), float(b[k]))
-        return Worst(sign * float(best[k]), float(a[k]), float(b[k]), place)
+        return Worst(sign * float(best[k]), self.nominal.block_u(float(a[k])), float(b[k]), place)
 
     def _zoomed(
         self, a: Array, b: Array, half: Array, ends: tuple[float, float], sign: float
@@ -314,16 +320,3 @@ def _first_grid(nominal: Nominal, low: float, high: float) -> tuple[int, int]:
     """Fewer points along a narrow zone."""
     along, across = FIRST_GRID
     return max(9, int(along * min(1.0, 2.0 * (high - low)))), across
-
-
-def _apart(size: Array, x: Array, y: Array) -> Index:
-    """Indices of the largest values that are more than a cell from each other."""
-    found: list[int] = []
-    for i in np.argsort(-size, kind="stable")[: 64 * ZOOMED]:
-        if not np.isfinite(size[i]):
-            break
-        if all(abs(x[i] - x[k]) > 1.5 or abs(y[i] - y[k]) > 1.5 for k in found):
-            found.append(int(i))
-        if len(found) == ZOOMED:
-            break
-    return np.array(found, dtype=np.int64)

@@ -405,7 +405,7 @@ class SurfaceGrid:
         points, normals = self.nominal.points(u, v), self.nominal.normals(u, v)
         t = np.full(len(u), np.nan)
         for tool, sweep in self._sweeps.items():
-            t = np.fmin(t, deviation(points, normals, sweep, cutter(tool), self.nominal.tool.radius_mm).t)
+            t = np.fmin(t, deviation(points, normals, sweep, cutter(tool)).t)
         return t
 
     def cut_by(self, u: float, v: float) -> tuple[str, int]:
@@ -427,8 +427,8 @@ class SurfaceGrid:
     def overcut(self, u: float, v: float) -> float:
         """Overcut (mm) of its own cut along the normal at one place."""
         at = np.array([u]), np.array([v])
-        by, reach = self.whole_cut.by, self.nominal.tool.radius_mm
-        t = deviation(self.nominal.points(*at), self.nominal.normals(*at), by.sweep, by.body, reach).t
+        by = self.whole_cut.by
+        t = deviation(self.nominal.points(*at), self.nominal.normals(*at), by.sweep, by.body).t
         return max(0.0, -float(np.nan_to_num(t)[0]))
 
     def deepest(self, hurt: Hurt) -> tuple[float, float, float]:

@@ -16,6 +16,7 @@ from controller.machine.model import Tool
 from controller.memory import remembered
 
 Array = NDArray[np.float64]
+Index = NDArray[np.int64]
 
 ALONG, ACROSS = 257, 9  # of the table of lengths and of the bounds
 MAX_TABLES = 32  # surfaces whose tables are kept
@@ -35,6 +36,11 @@ class Nominal:
     tolerance_mm: float | None = None  # of its form; None: none is asked for
     joint_tolerance_mm: float = 0.0  # what a neighbour may take off it, where they meet in a corner
     placement: Strategy = Strategy.SINGLE  # of the cutter, as the program asks for it
+    share: tuple[float, float] = (0.0, 1.0)  # of its block, in the block's u, that it is
+
+    def block_u(self, u: float) -> float:
+        """The parameter of the block's whole surface at its own."""
+        return self.share[0] + (self.share[1] - self.share[0]) * u
 
     def points(self, u: Array, v: Array) -> Array:
         """S(u, v) in the table frame, (N, 3) mm, for u and v (N,)."""
@@ -140,6 +146,27 @@ def grid(along: int, across: int, u: tuple[float, float] = (0.0, 1.0)) -> tuple[
     """u and v of an even grid, each (along * across,), v running faster."""
     a, b = np.meshgrid(np.linspace(*u, along), np.linspace(0.0, 1.0, across), indexing="ij")
     return a.ravel(), b.ravel()
+
+
+def peaks(size: Array, across: int, most: int) -> Index:
+    """Where the largest of what is between the points of a grid may be, so many points across; values (N,).
+
+    Indices of finite local maxima (of equal neighbours the first) that half of the steepest way to a
+    neighbour lifts to the largest value or above it, as a crease may; the ``most`` highest of these.
+    """
+    rows = size.reshape(-1, across)
+    along = len(rows)
+    wide = np.pad(rows, 1, constant_values=np.nan)
+    is_peak, steepest = np.isfinite(rows), np.zeros(rows.shape)
+    known = np.where(is_peak, rows, 0.0)
+    for i, j in ((i, j) for i in range(3) for j in range(3) if (i, j) != (1, 1)):
+        beside = wide[i : i + along, j : j + across]
+        is_peak &= ~((beside >= rows) if (i, j) < (1, 1) else (beside > rows))
+        steepest = np.fmax(steepest, known - np.where(np.isfinite(beside), beside, known))
+    found = np.flatnonzero(is_peak)
+    lifted = (rows + 0.5 * steepest).ravel()[found]
+    order = np.argsort(-lifted, kind="stable")[:most]
+    return np.asarray(found[order[lifted[order] >= size[found].max(initial=-np.inf)]])
 
 
 def _rows(vector: Vector, n: int) -> Array:

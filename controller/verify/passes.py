@@ -101,11 +101,9 @@ def nominals(stretches: Mapping[int, Stretch], fitted: Fitted) -> list[Nominal]:
         if isinstance(motion, SurfaceCut) and stretch.cutting:  # no pivot of placed axes
             side = -1.0 if motion.offset_mm < 0.0 else 1.0
             line, order = stretch.place.line, stretch.place.order
-            found.append(
-                Nominal(
-                    motion.surface, motion.part, side, fitted.at(order), line, number, *fitted.form(order)
-                )
-            )
+            tool, form = fitted.at(order), fitted.form(order)
+            one = Nominal(motion.surface, motion.part, side, tool, line, number, *form, share=stretch.share)
+            found.append(one)
     return found
 
 

@@ -26,7 +26,7 @@ from controller import npz
 from controller.geometry.arrays import columns, distinct
 from controller.geometry.passing_place import LOOK_BACK_S, passing
 from controller.geometry.placement import Placed
-from controller.geometry.vectors import Frame, angle_between, scale, subtract
+from controller.geometry.vectors import Frame, Number, angle_between, scale, subtract
 from controller.ipc.handoff import COLUMN, of_axes, rows_of
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine
@@ -49,6 +49,8 @@ class HasMotion(Protocol):
 
     @property
     def motion(self) -> Motion: ...
+
+    def block_u(self, u: Number) -> Number: ...
 
 
 class TraceError(TextError, ValueError):
@@ -73,7 +75,7 @@ class Trace:
     tool_tip: Array  # (N, 3) mm, commanded, part frame
     tool_axis: Array  # (N, 3) commanded, part frame
     contact: Array  # (N, 3) mm, part frame; NaN when not cutting
-    u: Array  # (N,) the block's own parameter; NaN when not cutting
+    u: Array  # (N,) of the block's whole surface; NaN when not cutting
     feed_mm_s: Array  # (N,)
     line: NDArray[np.int64]  # (N,) 1-based line of the program, 0 = none
     cutting: NDArray[np.bool_]  # (N,)
@@ -162,7 +164,7 @@ def from_rows(
     motions = {motion_id: stretch.motion for motion_id, stretch in stretches.items()}
     setup_rows = _setup_rows(rows, motions, setups or {}, machine)
     tip, axis = _on_the_part(joints, kinematics, setup_rows)
-    contact, u = _contacts(rows, tip, motions)
+    contact, u = _contacts(rows, tip, stretches)
     return Trace(
         time_s=(rows[:, COLUMN["tick"]] - rows[:1, COLUMN["tick"]]) * machine.period_s,
         joint_command=joints * _shown_per_unit(machine),
@@ -228,15 +230,16 @@ def _on_the_part(
     return tip, axis
 
 
-def _contacts(rows: Array, tip: Array, motions: Mapping[int, Motion]) -> tuple[Array, Array]:
-    """(contact (N, 3), u (N,)): back from the tip along the normal (Eq. 5); NaN when not cutting."""
+def _contacts(rows: Array, tip: Array, stretches: Mapping[int, HasMotion]) -> tuple[Array, Array]:
+    """(contact (N, 3), u (N,) of its block): back from the tip (Eq. 5); NaN when not cutting."""
     contact, u = np.full((len(rows), 3), np.nan), np.full(len(rows), np.nan)
     ids, cutting = rows[:, COLUMN["motion_id"]], rows[:, COLUMN["cutting"]] != 0.0
-    for motion_id, motion in motions.items():
-        here = np.flatnonzero((ids == motion_id) & cutting)
+    for motion_id, stretch in stretches.items():
+        motion, here = stretch.motion, np.flatnonzero((ids == motion_id) & cutting)
         if isinstance(motion, SurfaceCut) and len(here):
-            u[here] = motion.arc.u_along(rows[here, COLUMN["s"]])
-            contact[here] = tip[here] - _offset(motion, u[here])
+            own = motion.arc.u_along(rows[here, COLUMN["s"]])
+            contact[here] = tip[here] - _offset(motion, own)
+            u[here] = stretch.block_u(own)
     return contact, u
 
 

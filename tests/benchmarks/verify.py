@@ -34,7 +34,7 @@ def report(short: bool) -> Report:
     swept_s = time.process_time()
     _, _, points, normals = places(one, 100 if short else 1000, 100)
     placed_s = time.process_time()
-    t = deviation(points, normals, poses, body, one.tool.radius_mm).t
+    t = deviation(points, normals, poses, body).t
     ended_s = time.process_time()
     memory_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
     found = (

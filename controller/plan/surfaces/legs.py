@@ -52,7 +52,8 @@ class CutSegment:
         """The cut itself."""
         block = self.cut.block
         start, end = tuple(self.joints[0].tolist()), tuple(self.joints[-1].tolist())
-        return Stretch(self.cut.motion, block.place, block.feed_mm_s, True, start, end, True, "cut")
+        named = (block.place, block.feed_mm_s, True, start, end, True, "cut")
+        return Stretch(self.cut.motion, *named, share=self.cut.part)
 
     @property
     def ends(self) -> CutSegment:

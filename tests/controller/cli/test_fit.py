@@ -15,17 +15,27 @@ from controller.__main__ import app
 from controller.geometry.placement import Strategy
 from controller.machine import machine_file
 from controller.machine.model import Tool
+from controller.program import blocks
+from controller.program.program import CutBlock
 from controller.verify import fits
 
 TOLERANCE_MM = 0.02
 
 
+def twisted() -> fits.Asked:
+    """The first surface of Example 2, from its left."""
+    machine = machine_file.load("trunnion")
+    program = machine_file.shipped_program("example2_ready")
+    read = blocks.stream(program.read_bytes(), machine, str(program))
+    return fits.Asked(next(one for one in read if isinstance(one, CutBlock)), machine)
+
+
 def test_a_cutter_of_the_radius_that_is_told_keeps_the_tolerance_and_a_larger_one_does_not() -> None:
     """By many cylinders, in the paper's placement, the one that sum knows."""
     surface = example_2()[0]
-    asked, shape = fits.Asked(1, surface, -1.0), Tool(0, "", 1.0, 0.0, 1.0)
-    radius, off = fits.largest(asked, shape, Strategy.SINGLE, TOLERANCE_MM, 20.0)
-    assert 0.0 < radius < 20.0 and off <= TOLERANCE_MM
+    shape = Tool(0, "", 1.0, 0.0, 1.0)
+    radius, found = fits.largest(twisted(), shape, Strategy.SINGLE, TOLERANCE_MM, 20.0)
+    assert 0.0 < radius < 20.0 and found.off_mm <= TOLERANCE_MM
     depths = []
     for share in (1.0, 1.25):
         one = nominal(surface, -1.0, fits.scaled(shape, share * radius))
@@ -36,9 +46,9 @@ def test_a_cutter_of_the_radius_that_is_told_keeps_the_tolerance_and_a_larger_on
 
 
 def test_a_better_placement_never_takes_a_smaller_cutter() -> None:
-    asked, shape = fits.Asked(1, example_2()[0], -1.0), Tool(0, "", 1.0, 0.0, 1.0)
+    shape = Tool(0, "", 1.0, 0.0, 1.0)
     single, double = (
-        fits.largest(asked, shape, strategy, TOLERANCE_MM, 20.0)[0]
+        fits.largest(twisted(), shape, strategy, TOLERANCE_MM, 20.0)[0]
         for strategy in (Strategy.SINGLE, Strategy.DOUBLE)
     )
     assert double > 1.5 * single

@@ -134,7 +134,7 @@ def test_holes_on_a_circle() -> None:
     bottoms = [
         step.axes
         for step in explained.steps(blocks.stream(text.encode(), on, "p"), on, "p", homed(on))
-        if step.kind == "line"
+        if step.kind == "drill"
     ]
     found = [(a["X"] - on.offsets[0].origin[0], a["Y"] - on.offsets[0].origin[1]) for a in bottoms]  # type: ignore[operator]
     assert near(found, [at(40, 10 + 30 * k) for k in range(6)])

@@ -64,7 +64,7 @@ def test_a_post_runs_unedited(post: Path) -> None:
     told = list(explained.steps(read.blocks, on, post.name, homed(on)))
     ends, lowest, feeds = ENDS[post.stem]
     assert tuple(told[-1].axes.values()) == pytest.approx(ends)
-    cut = [step for step in told if step.kind in ("line", "arc")]
+    cut = [step for step in told if step.kind in (*explained.LINES, "arc")]
     assert min(step.program["Z"] or 0.0 for step in cut) == pytest.approx(lowest)
     assert len(cut) == feeds
     traced = path.trace(read, on, kinematics_of(on), homed(on))

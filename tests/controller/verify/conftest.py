@@ -24,6 +24,9 @@ SERVO_LAG_TICKS = 4.0
 class Stretch:
     motion: Motion
 
+    def block_u(self, u: np.ndarray) -> np.ndarray:
+        return u
+
 
 @dataclass(frozen=True)
 class Run:

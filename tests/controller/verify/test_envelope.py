@@ -17,7 +17,7 @@ from controller.geometry.surfaces import Cone, RuledSurface, Surface
 from controller.machine.model import Tool
 from controller.plan.surfaces.placing import Cutter, as_the_paper
 from controller.verify.bodies import cutter
-from controller.verify.envelope import _best_sample, deviation, nearest
+from controller.verify.envelope import ASIDE_MM, _best_sample, deviation, nearest
 from controller.verify.nominal import Nominal
 from controller.verify.sweep import Pass, Sweep
 
@@ -41,7 +41,7 @@ UNTWISTED: list[tuple[Surface, str]] = [
 
 def cut(one: Nominal, along: int, across: int, step: float = 0.0) -> np.ndarray:
     _, _, points, normals = places(one, along, across)
-    return deviation(points, normals, sweep(one, step), cutter(one.tool), one.tool.radius_mm).t
+    return deviation(points, normals, sweep(one, step), cutter(one.tool)).t
 
 
 @pytest.mark.parametrize("surface", [s for s, _ in UNTWISTED], ids=[name for _, name in UNTWISTED])
@@ -77,7 +77,7 @@ def test_a_hyperbolic_paraboloid_comes_out_as_its_known_envelope() -> None:
     one = paraboloid()
     _, _, points, normals = places(one, 9, 7, (0.2, 0.8))
     body = cutter(one.tool)
-    t = deviation(points, normals, sweep(one), body, RADIUS).t
+    t = deviation(points, normals, sweep(one), body).t
     assert nearest(points, sweep(one), body).distance == pytest.approx(
         [off_the_axes(p) - RADIUS for p in points], abs=CLOSED_MM
     )
@@ -103,7 +103,7 @@ def test_unseen_surfaces_agree_with_brute_force(seed: int) -> None:
     u, v = rng.uniform(0.02, 0.98, 60), rng.uniform(0.0, 1.0, 60)
     points, normals = one.points(u, v), one.normals(u, v)
     body = cutter(tool)
-    t = deviation(points, normals, sweep(one), body, tool.radius_mm).t
+    t = deviation(points, normals, sweep(one), body).t
     assert t == pytest.approx(by_brute_force(one, points, normals), abs=BRUTE_MM), f"seed {seed}"
 
 
@@ -128,7 +128,7 @@ def test_cutters_of_every_shape_agree_with_brute_force_on_unseen_surfaces(shape:
         rng = np.random.default_rng(seed)
         u, v = rng.uniform(0.05, 0.95, 12), rng.uniform(0.0, 1.0, 12)
         points, normals = one.points(u, v), one.normals(u, v)
-        t = deviation(points, normals, sweep(one), cutter(tool), tool.radius_mm).t
+        t = deviation(points, normals, sweep(one), cutter(tool)).t
         assert t == pytest.approx(body_by_brute_force(one, points, normals), abs=BRUTE_MM), placed
 
 
@@ -175,10 +175,11 @@ def test_what_no_tool_comes_to_is_left() -> None:
     whole = sweep(one).passes[0]
     half = Sweep([type(whole)(whole.s[:200], whole.tips[:200], whole.axes[:200], 1, "cut", 0)], 30.0)
     _, _, points, normals = places(one, 21, 3)
-    t = deviation(points, normals, half, cutter(one.tool), RADIUS).t
-    reached = points[:, 0] < whole.tips[199, 0]
-    assert np.isnan(t[points[:, 0] > whole.tips[199, 0] + RADIUS]).all()
-    assert not np.isnan(t[reached]).any()
+    found = deviation(points, normals, half, cutter(one.tool))
+    beyond = points[:, 0] - whole.tips[199, 0]
+    assert (found.distance[beyond > RADIUS] > 0.0).all()
+    assert np.abs(found.t - found.distance)[beyond > RADIUS].max() <= ASIDE_MM + 1e-12
+    assert found.t[beyond < -RADIUS].max() < CLOSED_MM
 
 
 @pytest.mark.parametrize("surface", [s for s, _ in UNTWISTED[:3]] + list(example_2()))
@@ -191,7 +192,7 @@ def test_a_cutter_that_runs_a_hair_too_high_leaves_no_more_at_the_lower_edge(
     low = sweep(one).passes[0]
     high = Sweep([replace(low, tips=low.tips + hair_mm * low.axes)], 30.0)
     _, v, points, normals = places(one, 41, 9)
-    t = deviation(points, normals, high, cutter(one.tool), one.tool.radius_mm).t
+    t = deviation(points, normals, high, cutter(one.tool)).t
     assert not np.isnan(t).any()
     assert t.max() <= 2.0 * hair_mm + 1e-9
     assert (t[v == 1.0] > 0.0).all(), "what is left is told"

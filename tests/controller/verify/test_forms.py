@@ -13,11 +13,14 @@ from support.parts.random_surfaces import compound
 from controller.geometry import arc_length
 from controller.geometry.curves import Bezier, Line
 from controller.geometry.surfaces import RuledSurface, Surface
+from controller.machine.model import Tool
 from controller.messages import text
 from controller.plan.report.verdict import Verdict
 from controller.verify import wording
+from controller.verify.envelope import ASIDE_MM
 from controller.verify.gouges import gouges
-from controller.verify.nominal import Nominal
+from controller.verify.judge import judge
+from controller.verify.nominal import Nominal, peaks
 from controller.verify.sweep import Pass
 
 CLOSE_MM = 1e-3
@@ -81,6 +84,30 @@ def test_what_is_to_stay_is_no_deviation_and_a_finishing_cut_counts_for_the_roug
     assert judged(rough, along(rough, 0.3)).within
     assert judged(asked(WALL), along(rough, 0.3)).undercut_mm == pytest.approx(0.3, abs=1e-5)
     assert judged(asked(WALL), along(rough, 0.3), replace(along(rough), line=7, motion=1)).within
+
+
+@pytest.mark.parametrize(("radius_mm", "flute_mm"), [(0.5, 9.0), (1.5, 6.0), (5.0, 2.0)])
+def test_what_stands_above_the_flute_is_as_high_in_verdict_and_zone(
+    radius_mm: float, flute_mm: float
+) -> None:
+    """Whatever the radius: nothing decides there but how far the point is from what cuts."""
+    one = replace(asked(WALL), tool=Tool(1, "short", radius_mm, 0.0, flute_mm))
+    way = along(one)
+    made, (found,) = judged(one, way), judge([one], {one.tool: [way]})
+    assert made.undercut_mm == pytest.approx(10.0 - flute_mm, abs=1.01 * ASIDE_MM)
+    for zone in (found.inside, found.ends, found.whole):
+        assert zone.undercut is not None
+        assert zone.undercut.mm == pytest.approx(made.undercut_mm, abs=1e-4)
+
+
+def test_a_crease_between_points_of_a_grid_is_looked_for_at_a_lower_one_beside_it() -> None:
+    x = np.linspace(0.0, 1.0, 21)
+    broad, crease = 0.9 * np.exp(-(((x - 0.2) / 0.2) ** 2)), np.maximum(0.0, 1.0 - 10.0 * np.abs(x - 0.725))
+    size = np.stack([np.maximum(broad, crease), 0.0 * x], axis=1)
+    assert size[:, 0].argmax() == 4
+    found = peaks(size.ravel(), 2, 5) // 2
+    assert 4 in found and {14, 15} & set(found.tolist())
+    assert peaks(np.full(6, -np.inf), 2, 5).size == 0
 
 
 def test_a_motion_beside_the_cut_is_in_the_verdict_with_its_name_and_line() -> None:

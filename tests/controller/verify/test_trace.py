@@ -7,11 +7,18 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
+from support.parts import random_nurbs
 
 from controller.geometry.vectors import Frame
-from controller.ipc.handoff import COLUMN, ROW
+from controller.ipc.handoff import COLUMN, ROW, of_axes
+from controller.machine import machine_file
 from controller.machine.model import Sense
 from controller.motion.motions import SurfaceCut
+from controller.plan.rotaries.branch import joints_along
+from controller.plan.stretch import Chain
+from controller.program.program import CutNurbs
+from controller.runtime import checked
+from controller.runtime.plan_news import PathNotes
 from controller.verify import trace as traces
 from controller.verify.trace import Setup, Trace
 
@@ -54,6 +61,32 @@ def test_contact_lies_on_c1_and_the_axis_on_the_ruling(ruled_run, cut):
         assert np.abs(cut.contact[here] - lower).max() < 1e-9
         assert np.abs(cut.tool_tip[here] - tip).max() < 1e-9
         assert np.abs(cut.tool_axis[here] - axis).max() < 1e-11
+
+
+def test_u_of_a_surface_in_parts_is_that_of_the_whole_curve():
+    """A G6.2 block is cut as several motions; its contact is the lower curve at the u of trace and page."""
+    upper, lower = random_nurbs.blade(6)
+    machine = replace(machine_file.load("trunnion"), gouge="warn")
+    task = checked.task(random_nurbs.text(upper, lower, 600.0).encode(), "blade.ngc", machine)
+    chains = (item for item in checked.path_of(task).items if isinstance(item, Chain))
+    stretches = dict(enumerate(stretch for chain in chains for stretch in chain.stretches))
+    (block,) = (one for one in task.read() if isinstance(one, CutNurbs))
+    cuts = {k: one for k, one in stretches.items() if one.cutting}
+    rows = np.zeros((5 * len(cuts), len(ROW)))
+    rows[:, COLUMN["cutting"]], rows[:, COLUMN["motion_id"]] = 1.0, np.repeat(list(cuts), 5)
+    for i, (k, one) in enumerate(cuts.items()):
+        here, s = slice(5 * i, 5 * i + 5), np.linspace(0.0, one.motion.end, 5)
+        joints = joints_along(one, s, task.kinematics)
+        rows[here, COLUMN["s"]], rows[here, of_axes("joint_command", 5)] = s, joints
+        way = PathNotes(machine).way(one)
+        assert [way.in_block(each)["u"] for each in s] == pytest.approx(
+            one.block_u(one.motion.arc.u_along(s)), abs=1e-9
+        ), k
+    made = traces.from_rows(rows, machine, task.kinematics, stretches, first_tick=0)
+    assert len(cuts) > 2 and (np.diff(made.u) > -1e-9).all()
+    assert made.u[[0, -1]] == pytest.approx([0.0, 1.0], abs=1e-9)
+    on_curve = np.stack(np.broadcast_arrays(*block.lower.at(made.u, np)), axis=1)
+    assert np.abs(made.contact - on_curve).max() < 1e-6
 
 
 def test_contact_and_u_are_nan_exactly_when_not_cutting(cut):
