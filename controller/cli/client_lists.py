@@ -175,7 +175,8 @@ def runs(
             if number is not None:
                 done = machine.put(f"runs/{number}/kept", {"on": on})
                 tell_done(say(key, number=number), done, as_json)
-                return
+        if keep is not None or release is not None:
+            return
         found = machine.get("runs", most=most)["runs"]
         if as_json:
             print(json.dumps({"ok": True, "runs": found}))
@@ -191,6 +192,7 @@ def _runs(found: list[dict[str, Any]]) -> Iterator[str]:
         ended_s = run["ended_s"]
         took = status_view.clock(None if ended_s is None else ended_s - run["began_s"])
         result = word(f"result.{run['result']}", run["result"])
+        result += f", {say('run_stays')}" if run["facts"].get("kept") else ""
         rows.append((str(run["id"]), _when(run["began_s"]), took, result, run["program"]))
     widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]) - 1)]
     whys = ("", *(str(run["facts"].get("sentence") or "") for run in found))

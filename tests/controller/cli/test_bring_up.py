@@ -134,9 +134,16 @@ def test_a_protocol_of_another_machine_or_one_that_is_damaged_is_refused(tmp_pat
     real = asked(str(tmp_path), "--list")
     assert real["exit"] == 1 and "simulated" in real["error"]
     file = tmp_path / protocol.FILE
-    file.write_text(file.read_text().replace("good", "bad"))
-    damaged = asked(str(tmp_path), "--simulate", "--list")
-    assert damaged["exit"] == 1 and protocol.FILE in damaged["error"]
+    for text in (
+        file.read_text().replace("good", "bad"),
+        "",
+        "{}",
+        '{"machine": "trunnion", "done": {}}',
+        "[1]",
+    ):
+        file.write_text(text)
+        damaged = asked(str(tmp_path), "--simulate", "--list")
+        assert damaged["exit"] == 1 and protocol.FILE in damaged["error"], text
 
 
 def test_what_was_done_with_another_machine_file_says_so(tmp_path: Path) -> None:
