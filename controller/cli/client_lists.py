@@ -171,12 +171,13 @@ def runs(
 ) -> None:
     """What was run, when, how long, and how it ended."""
     with connected(url, as_json) as machine:
+        if keep is not None and release is not None:
+            raise Refused(say("keep_or_release"))
         for number, on, key in ((keep, True, "run_kept"), (release, False, "run_released")):
             if number is not None:
                 done = machine.put(f"runs/{number}/kept", {"on": on})
                 tell_done(say(key, number=number), done, as_json)
-        if keep is not None or release is not None:
-            return
+                return
         found = machine.get("runs", most=most)["runs"]
         if as_json:
             print(json.dumps({"ok": True, "runs": found}))
