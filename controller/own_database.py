@@ -57,6 +57,19 @@ def opened(file: Path, shared: bool = False) -> sqlite3.Connection:
             return _connected(file, facts, at)
 
 
+@contextlib.contextmanager
+def transaction(sql: sqlite3.Connection) -> Iterator[sqlite3.Connection]:
+    """One that writes: all of it or, on any exception, nothing. Raises sqlite3.Error."""
+    sql.execute("BEGIN IMMEDIATE")
+    try:
+        yield sql
+        sql.execute("COMMIT")
+    except BaseException:
+        with contextlib.suppress(sqlite3.Error):
+            sql.execute("ROLLBACK")
+        raise
+
+
 def _stat(name: str, at: int) -> os.stat_result:
     return os.stat(name, dir_fd=at, follow_symlinks=False)
 

@@ -243,14 +243,8 @@ class Database:
         """A transaction: all of it or, on any exception, nothing. Raises StoreError."""
         with self._lock:
             try:
-                self._sql.execute("BEGIN IMMEDIATE")
-                try:
-                    yield self._sql
-                    self._sql.execute("COMMIT")
-                except BaseException:
-                    with contextlib.suppress(sqlite3.Error):
-                        self._sql.execute("ROLLBACK")
-                    raise
+                with own_database.transaction(self._sql) as sql:
+                    yield sql
             except sqlite3.IntegrityError:
                 raise  # the caller knows which rule it was
             except sqlite3.Error as error:

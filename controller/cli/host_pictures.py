@@ -5,13 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from html import escape
 
 from controller.cli.host_measure import Turn
 from controller.runtime.wake_ups import BINS, Histogram
+from controller.verify.chart import HEIGHT, WIDTH, svg, text
 from controller.verify.console import say
 
-WIDTH, HEIGHT = 860, 340
 LEFT, RIGHT, TOP, BOTTOM = 60, 16, 14, 44  # margins
 PER_DECADE = 16  # classes of the histogram
 BEYOND_US = 2 * BINS  # where the class of what is beyond ends
@@ -48,13 +47,13 @@ def histogram(names: Sequence[str], counts: Sequence[Histogram], limit_s: float)
     axes = Axes(1.0, BEYOND_US, -0.5, max(math.ceil(math.log10(most + 1)), 1), is_log=True)
     parts = [*_decades(axes), *(_x_mark(axes, 10.0**n, f"{10**n}") for n in range(5))]
     at = axes.x(1e6 * limit_s)
-    parts += [_limit(at, at, TOP, HEIGHT - BOTTOM), _text(at - 6, TOP + 14, _say("limit"), "end")]
+    parts += [_limit(at, at, TOP, HEIGHT - BOTTOM), text(at - 6, TOP + 14, _say("limit"), "end")]
     for n, (name, one) in enumerate(zip(names, counts, strict=True)):
         classes = [(low, min(high, BEYOND_US), count) for low, high, count in one.classes(PER_DECADE)]
         points = [(axes.x(at), axes.y(count)) for low, high, count in classes for at in (low, high)]
         parts += _curve(n, name, points)
     parts.append(_words_below(_say("time")))
-    return _svg(_say("histogram"), parts)
+    return svg(_say("histogram"), parts)
 
 
 def course(turns: Sequence[Turn], limit_s: float) -> str:
@@ -66,11 +65,11 @@ def course(turns: Sequence[Turn], limit_s: float) -> str:
     marks = [step * n for n in range(math.floor(axes.right / step) + 1)]
     parts = [*_decades(axes), *(_x_mark(axes, one, f"{one:g}") for one in marks)]
     at = axes.y(1e6 * limit_s)
-    parts += [_limit(LEFT, WIDTH - RIGHT, at, at), _text(LEFT + 6, at - 5, _say("limit"), "start")]
+    parts += [_limit(LEFT, WIDTH - RIGHT, at, at), text(LEFT + 6, at - 5, _say("limit"), "start")]
     points = [(axes.x(one.ended_s / 60.0), axes.y(us)) for one, us in zip(turns, worst, strict=True)]
     parts += _curve(0, _say("worst"), points)
     parts.append(_words_below(_say("minutes")))
-    return _svg(_say("course"), parts)
+    return svg(_say("course"), parts)
 
 
 def _curve(number: int, name: str, points: Sequence[tuple[float, float]]) -> Iterator[str]:
@@ -81,20 +80,20 @@ def _curve(number: int, name: str, points: Sequence[tuple[float, float]]) -> Ite
     yield f'<polyline fill="none" {pen} points="{places}"/>\n'
     at = TOP + 10 + 17 * number
     yield f'<line x1="{WIDTH - 250}" y1="{at}" x2="{WIDTH - 215}" y2="{at}" {pen}/>'
-    yield _text(WIDTH - 208, at + 4, name, "start")
+    yield text(WIDTH - 208, at + 4, name, "start")
 
 
 def _decades(axes: Axes) -> Iterator[str]:
     for n in range(math.ceil(axes.low), math.floor(axes.high) + 1):
         at = axes.y(10.0**n)
         yield f'<line x1="{LEFT}" y1="{at:.1f}" x2="{WIDTH - RIGHT}" y2="{at:.1f}" stroke="{GREY}"/>'
-        yield _text(LEFT - 6, at + 4, f"{10**n}", "end")
+        yield text(LEFT - 6, at + 4, f"{10**n}", "end")
 
 
 def _x_mark(axes: Axes, value: float, label: str) -> str:
     at, foot = axes.x(value), HEIGHT - BOTTOM
     line = f'<line x1="{at:.1f}" y1="{foot}" x2="{at:.1f}" y2="{foot + 5}" stroke="#111"/>'
-    return line + _text(at, foot + 18, label, "middle")
+    return line + text(at, foot + 18, label, "middle")
 
 
 def _limit(x1: float, x2: float, y1: float, y2: float) -> str:
@@ -103,18 +102,7 @@ def _limit(x1: float, x2: float, y1: float, y2: float) -> str:
 
 
 def _words_below(words: str) -> str:
-    return _text((LEFT + WIDTH - RIGHT) / 2, HEIGHT - 8, words, "middle")
-
-
-def _text(x: float, y: float, words: str, anchor: str) -> str:
-    return f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}">{escape(words)}</text>'
-
-
-def _svg(title: str, parts: Sequence[str]) -> str:
-    return (
-        f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" role="img" xmlns="http://www.w3.org/2000/svg">'
-        f"<title>{escape(title)}</title>\n{''.join(parts)}</svg>\n"
-    )
+    return text((LEFT + WIDTH - RIGHT) / 2, HEIGHT - 8, words, "middle")
 
 
 def _say(key: str) -> str:

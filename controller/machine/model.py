@@ -386,7 +386,9 @@ class Machine:
         default="",
     )
     macro_variables: str = key(
-        Choice(("", *MACRO_VARIABLES)), "whose tool offsets #2001 to #2800 are under `fanuc`", default=""
+        Choice(("", *MACRO_VARIABLES)),
+        "whose tool offsets #2001 to #2800 and groups of modal codes are under `fanuc`",
+        default="",
     )
     sub_folders: tuple[str, ...] = key(
         SUB_FOLDERS, "folders of subs, searched in their order behind that of the program", default=()

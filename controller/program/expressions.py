@@ -79,7 +79,10 @@ _OF_FANUC_OPERATIONS = _OPERATIONS | {
     "xor": (3, _bitwise(operator.xor)),
 }
 COMPARISON = 2
+# Fanuc's macros know most words by their first two letters, too (B-63944EN, custom macro).
+_IN_SHORT = {name[:2]: name for name in ("and", "xor")}
 _OPERATOR = re.compile("|".join(re.escape(name) for name in _OPERATIONS))
+_OF_FANUC_OPERATOR = re.compile(f"{_OPERATOR.pattern}|{'|'.join(_IN_SHORT)}")
 _FUNCTIONS: dict[str, Callable[[float], float]] = {
     "abs": abs,
     "acos": lambda x: math.degrees(math.acos(x)),
@@ -100,7 +103,10 @@ _OF_FANUC_FUNCTIONS = _FUNCTIONS | {
 }
 ARITHMETIC = 3  # the least level of an operator that makes a number of numbers
 LINE = "_line"  # the name of the line number, which each line has by itself
-_FUNCTION = re.compile(rf"({'|'.join(_FUNCTIONS)}|atan|exists|pow)[ \t]*(?=\[)")
+_NAMES = (*_FUNCTIONS, "atan", "exists", "pow")
+_FUNCTION = re.compile(rf"({'|'.join(_NAMES)})[ \t]*(?=\[)")
+_FUNCTIONS_IN_SHORT = {name[:2]: name for name in (*_FUNCTIONS, "atan")}
+_OF_FANUC_FUNCTION = re.compile(rf"({'|'.join(_NAMES)}|{'|'.join(_FUNCTIONS_IN_SHORT)})[ \t]*(?=\[)")
 
 
 class Values:
@@ -222,9 +228,10 @@ class Values:
             return self._parameter()
         if start == "[":
             return self.bracket()
-        if function := _FUNCTION.match(self._text, self._at):
+        functions = _OF_FANUC_FUNCTION if self._parameters.of_fanuc else _FUNCTION
+        if function := functions.match(self._text, self._at):
             self._at = function.end()
-            value = self._function(function.group(1))
+            value = self._function(_FUNCTIONS_IN_SHORT.get(function.group(1), function.group(1)))
             self._vacant = -1
             return value
         return None
@@ -241,13 +248,16 @@ class Values:
         self._vacant = key if isinstance(key, int) and self._parameters.is_vacant(key) else -1
         return value
 
+    @property
+    def is_vacant(self) -> bool:
+        """Whether what was read last is a parameter that nobody has set, and nothing else."""
+        return self._vacant >= 0
+
     def check_set(self, at: int) -> None:
         """Refuses what was read last where it counts that it is vacant; in a sum it is 0."""
-        self._check_set(at, self._vacant)
-
-    def _check_set(self, at: int, vacant: int) -> None:
-        if vacant >= 0:
-            raise self.refusal(at, "value.nothing" if vacant == NOTHING else "value.vacant", number=vacant)
+        if self.is_vacant:
+            key = "value.nothing" if self._vacant == NOTHING else "value.vacant"
+            raise self.refusal(at, key, number=self._vacant)
 
     def _chain(self, level: int) -> float:
         """Operands joined by operators of ``level`` or above."""
@@ -258,8 +268,9 @@ class Values:
         """A value with the operands that follow it, by operators of ``level`` or above."""
         of_fanuc, compared = self._parameters.of_fanuc, False
         operations = _OF_FANUC_OPERATIONS if of_fanuc else _OPERATIONS
-        while self.peek() and (found := _OPERATOR.match(self._text, self._at)):
-            binds, function = operations[found.group()]
+        operators = _OF_FANUC_OPERATOR if of_fanuc else _OPERATOR
+        while self.peek() and (found := operators.match(self._text, self._at)):
+            binds, function = operations[_IN_SHORT.get(found.group(), found.group())]
             if binds < level:
                 break
             if compared and of_fanuc:  # AND has bound the values between, not the comparisons
@@ -267,11 +278,9 @@ class Values:
             compared, left, self._vacant = binds == COMPARISON, self._vacant, -1
             self._at = found.end()
             right = self._chain(binds + 1)
-            if found.group() in ("eq", "ne") and NOTHING in (left, self._vacant):
+            if found.group() in ("eq", "ne") and (left >= 0 or self._vacant >= 0):
+                # What is vacant equals what is vacant, and no number (B-63944EN: undefined variable).
                 value, right = float(left >= 0), float(self._vacant >= 0)
-            elif found.group() in ("eq", "ne"):
-                self._check_set(found.start(), left)
-                self._check_set(found.end(), self._vacant)
             self._vacant = -1
             value = self._sound(found.start(), found.group(), function, value, right)
         return value

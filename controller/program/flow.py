@@ -280,8 +280,10 @@ class Run:
         """GOTO, where its condition holds."""
         values, frame = self._values(mark), self._frames[-1]
         values.peek()
-        if mark.keyword == macros.IF_GOTO and not (values.bracket() != 0.0 and values.skip("goto")):
-            return
+        if mark.keyword == macros.IF_GOTO:
+            holds = values.bracket() != 0.0
+            if not (holds and any(map(values.skip, macros.GOTO_WORDS))):
+                return
         number = values.value(mark.rest, Key("value.label"))[0]
         self._at_end(mark, values)
         self._count(mark)
@@ -320,7 +322,7 @@ class Run:
         """What stands behind THEN, where the condition holds."""
         values, source = self._values(mark), self._frames[-1].source
         values.peek()
-        if values.bracket() == 0.0 or not values.skip("then"):
+        if values.bracket() == 0.0 or not any(map(values.skip, macros.THEN_WORDS)):
             return None
         raw, at = source.text[mark.at : mark.after].rstrip("\r\n"), len(mark.text) - len(values.rest)
         return self._scan(" " * at + raw[at:], source.name, mark.number, self._frames[-1].callers)

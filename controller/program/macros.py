@@ -4,7 +4,8 @@
     GOTO 100                            to the line N100: the next one, else the first from the top
     IF [condition] GOTO 100             IF [condition] THEN #1=2.
 
-They are written without an O-word and stand alone on their line. Only under the dialect of Fanuc.
+They are written without an O-word and stand alone on their line; the first two letters of a word will
+do (``WH[#1LT5]DO1`` ... ``EN1``, ``GO 10``, ``TH``; Fanuc B-63944EN, custom macro). Only under its dialect.
 """
 
 from __future__ import annotations
@@ -18,11 +19,12 @@ from controller.program.expressions import GAPS
 from controller.program.marks import Mark, behind_bracket
 
 GOTO, IF_GOTO, IF_THEN = "goto", "if goto", "if then"  # keywords; a loop is a while of an O-word
+GOTO_WORDS, THEN_WORDS = ("goto", "go"), ("then", "th")  # as written
 
 _BEGIN = r"(?<![^\r\n])[ \t]*(?P<deleted>/[1-9]?)?[ \t]*"
 _STATEMENT = re.compile(
     _BEGIN + r"(?:N[ \t]*[0-9]+[ \t]*)?"
-    r"(?P<word>WHILE(?=[ \t]*\[)|IF(?=[ \t]*\[)|GOTO(?=[ \t]*[0-9#\[])|(?:DO|END)(?=[ \t]*[0-9]))",
+    r"(?P<word>(?:WH(?:ILE)?|IF)(?=[ \t]*\[)|GO(?:TO)?(?=[ \t]*[0-9#\[])|(?:DO|END?)(?=[ \t]*[0-9]))",
     re.IGNORECASE,
 )
 _DO = re.compile(rf"do[ \t]*([0-9]+)[{GAPS}]*$")
@@ -31,10 +33,10 @@ _NUMBER = re.compile(rf"[ \t]*([0-9]+)[{GAPS}]*$")
 _SIGNS = [
     re.compile(sign)
     for sign in (
-        rb"W[hH][iI][lL][eE]",
-        rb"w[hH][iI][lL][eE]",
-        rb"G[oO][tT][oO]",
-        rb"g[oO][tT][oO]",
+        rb"W[hH](?:[iI][lL][eE])?[ \t]*\[",
+        rb"w[hH](?:[iI][lL][eE])?[ \t]*\[",
+        rb"G[oO](?:[tT][oO])?[ \t]*[0-9#\[]",
+        rb"g[oO](?:[tT][oO])?[ \t]*[0-9#\[]",
         rb"I[fF][ \t]*\[",
         rb"i[fF][ \t]*\[",
         rb"D[oO][ \t]*[0-9]",
@@ -86,13 +88,13 @@ class _Loops:
 def _kind(word: str, bare: str, begins: int, loops: _Loops) -> tuple[str, str, str, int] | None:
     """Label, keyword, line and where what it takes begins, of a statement; None where it is none."""
     rest = begins + len(word)
-    if word == "goto":
+    if word in GOTO_WORDS:
         return "", GOTO, bare, rest
     if word == "if":
         behind = behind_bracket(bare, rest).lstrip(GAPS)
-        keyword = next((one for one in (IF_GOTO, IF_THEN) if behind.startswith(one[3:])), None)
+        keyword = {"go": IF_GOTO, "th": IF_THEN}.get(behind[:2])
         return None if keyword is None else ("", keyword, bare, rest)
-    if word == "end":
+    if word in ("end", "en"):
         closed = _NUMBER.match(bare, rest)
         return None if closed is None else (loops.end(closed[1]), "endwhile", bare[:rest], rest)
     loop = _DO.search(bare, begins)

@@ -21,6 +21,9 @@ from controller.program.decoding import NEWLINE, Text
 from controller.program.expressions import GAPS
 from controller.program.program import ProgramError
 
+PERCENT = re.compile(
+    r"[ \t]*%[ \t]*(?:;.*)?"
+)  # a line that begins or ends a text; ; as Fanuc's lists end lines
 ENDS = {"endsub": "sub", "endif": "if", "endwhile": "while", "endrepeat": "repeat"}
 LOOPS = ("while", "do", "repeat")
 STRUCTURES = ("if", *LOOPS)
@@ -194,7 +197,7 @@ def _end_of(text: str) -> int:
     while (at := text.find("%", low)) >= 0:
         start, newline = _line_start(text, low, at), NEWLINE.search(text, at)
         low = newline.end() if newline else len(text)
-        if text[start : newline.start() if newline else len(text)].strip() != "%":
+        if PERCENT.fullmatch(text, start, newline.start() if newline else len(text)) is None:
             continue
         if opened or any(_says_something(line) for line in text[:start].splitlines()):
             return start

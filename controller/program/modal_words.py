@@ -311,6 +311,9 @@ class _Settings:
             planar = planar_words.active_offset(self.ask, code, self.side_letters, self.state, self._machine)
             word = self.ask.words.get("D") if planar is not None and "D" in self.side_letters else None
             number = int(word.value) if word is not None and code not in planar_words.WRITTEN else 0
+            bare = planar is not None and planar is not modal.planar and word is None
+            if bare and self.state.offset_number is None and self._machine.dialect == "fanuc":
+                self.ask.lenient.append(("note.side_without_d", self.ask.codes["side"][1]))
             self.state = self.state._replace(
                 side=code, modal=replace(modal, planar=planar), radius_tool=number
             )

@@ -12,7 +12,7 @@ from types import MappingProxyType
 from typing import Protocol
 
 from controller.machine.changes import Change
-from controller.messages import Message
+from controller.messages import Message, message
 
 Name = int | str
 ARGUMENTS = range(1, 31)  # a sub's own
@@ -88,6 +88,8 @@ class Parameters:
         self._system = system
         self._vacant = VACANT if system is not None else range(0)
         self._own = OF_MACRO if system is not None else ARGUMENTS
+        self._macros = 0  # that are running, one in the other
+        self._left_out: set[str] = set()  # words that were told of
         self._given = given or Nothing()
         self._global: dict[Name, float] = {**_BEGUN, **dict(begun)}
         self._kept, self._fresh = kept, dict[int, float]()
@@ -125,6 +127,10 @@ class Parameters:
         """Whether it is there and nobody has set it: on controls as Fanuc's neither 0 nor a number."""
         return isinstance(key, int) and key in self._vacant and key not in self._room(key)
 
+    def may_be_vacant(self, key: Name) -> bool:
+        """Whether its value can be taken from it; what outlives the program keeps a number."""
+        return isinstance(key, int) and key in self._vacant and not self._is_persistent(key)
+
     def exists(self, key: Name) -> bool:
         """As EXISTS asks: every number does."""
         try:
@@ -153,9 +159,12 @@ class Parameters:
     def _is_persistent(self, key: int) -> bool:
         return any(low <= key <= high for low, high in self._kept)
 
-    def set(self, settings: Mapping[Name, float]) -> None:
-        """The settings of a line, which take effect together. Raises NoValue."""
+    def set(self, settings: Mapping[Name, float | None]) -> None:
+        """The settings of a line, which take effect together; None makes vacant. Raises NoValue."""
         for key, value in settings.items():
+            if value is None:
+                self._room(key).pop(key, None)
+                continue
             if (system := self._of_system(key)) is not None and isinstance(key, int):
                 system.set(key, value)
                 continue
@@ -215,9 +224,21 @@ class Parameters:
     def enter_macro(self, values: dict[Name, float]) -> None:
         """A macro begins with these values of its own, and leaves in them what it has set."""
         self._locals.append(values)
+        self._macros += 1
 
     def leave_macro(self) -> None:
         self._locals.pop()
+        self._macros -= 1
+
+    def leave_out(self, key: int, word: str) -> bool:
+        """Whether a word counts for nothing, as its value is an argument that the macro was not given; told
+        once (B-63944EN: reference to an undefined variable)."""
+        if self._system is None or not self._macros or key not in OF_MACRO:
+            return False
+        if word not in self._left_out:
+            self._left_out.add(word)
+            self._system.notes.append(message("note.word_left_out", word=word, number=key))
+        return True
 
     def _room(self, key: Name) -> dict[Name, float]:
         """Where a parameter is kept."""

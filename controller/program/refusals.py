@@ -6,6 +6,7 @@ structure end the search, for nothing tells then in which order lines run.
 
 from __future__ import annotations
 
+import contextlib
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -19,21 +20,48 @@ from controller.program.program import ProgramError
 MAX_REPORTED = 100  # that are told one by one
 MAX_WIDE = 100  # columns of a line that is shown
 MAX_BLOCKS = 1_000_000  # that are read to find them
+MAX_REPEATED = 10_000  # refusals of lines that are refused already
+
+
+class _Enough(Exception):
+    """What a loop repeats has been refused often enough."""
+
+
+class _Refused(list[ProgramError]):
+    """The refusals as they are met, one for each place."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._places: set[tuple[str, int, int]] = set()
+        self._repeated = 0
+
+    def append(self, error: ProgramError) -> None:
+        """Raises _Enough: a loop whose counter is refused would run for ever."""
+        place = (error.file, error.line, error.column)
+        if place not in self._places:
+            self._places.add(place)
+            super().append(error)
+            return
+        self._repeated += 1
+        if self._repeated > MAX_REPEATED:
+            raise _Enough
+
+    def clear(self) -> None:
+        super().clear()
+        self._places.clear()
 
 
 def of(data: bytes, machine: Machine, name: str, start: Joints | None = None) -> list[ProgramError]:
     """The refusals of the text of a program as they are met, one for each place; none where it reads well."""
-    refused: list[ProgramError] = []
-    try:
-        for count, _ in enumerate(blocks.stream(data, machine, name, start=start, refused=refused)):
-            if count > MAX_BLOCKS:
-                break
-    except ProgramError as error:
-        refused.append(error)
-    places: dict[tuple[str, int, int], ProgramError] = {}
-    for one in refused:
-        places.setdefault((one.file, one.line, one.column), one)
-    return list(places.values())
+    refused = _Refused()
+    with contextlib.suppress(_Enough):
+        try:
+            for count, _ in enumerate(blocks.stream(data, machine, name, start=start, refused=refused)):
+                if count > MAX_BLOCKS:
+                    break
+        except ProgramError as error:
+            refused.append(error)
+    return list(refused)
 
 
 def counts(refused: Sequence[ProgramError]) -> dict[str, int]:

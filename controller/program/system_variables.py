@@ -126,8 +126,9 @@ class SystemVariables:
         return NoValue("value.system", number=key)
 
     def _modal(self, key: int) -> float | None:
+        groups = _MODAL_OF_HAAS if self._machine.macro_variables == "haas" else _MODAL
         for start in _MODAL_STARTS:
-            if (code := _MODAL.get(key - start + 1)) is not None and key >= start:
+            if (code := groups.get(key - start + 1)) is not None and key >= start:
                 return (66.0 if self.is_modal_call else 67.0) if code is _macro else code(self._given.state)
         return None
 
@@ -336,6 +337,8 @@ _MODAL: MappingProxyType[int, Callable[[State], float]] = MappingProxyType(
         22: lambda s: 50.1 if s.origins.mirror is None else 51.1,
     }
 )
+# Haas counts its work offsets as group 12 (mill operator's manual, list of G codes), and has no group 14.
+_MODAL_OF_HAAS = MappingProxyType({**_MODAL, 12: _work_offset, 14: None})
 _WORDS: MappingProxyType[int, Callable[[State], float]] = MappingProxyType(
     {
         7: lambda s: float(s.radius_tool),

@@ -30,7 +30,6 @@ LENGTHS = frozenset("xyzabcuvwijkrq")  # letters of lengths and angles
 Take = Callable[[Rows, list[Block]], Other | None]
 
 _O_WORD = re.compile(r"o[ \t]*(?:<[^<>]*>|[0-9 \t]+)[ \t]*[a-z]{2}")
-_MARK = re.compile(r"[ \t]*%[ \t]*")
 _CORNER = re.compile(r",[ \t]*([rc])")
 _TEXT = re.compile(r"\(([^()]*)\)")
 _FILE = re.compile(r"[mM][ \t]*0*98[ \t]*(?:[lL][ \t]*[0-9]+[ \t]*)?\(([^()]+)\)")
@@ -106,7 +105,7 @@ class _Scan:
             if common is not None and common.lastindex is not None:
                 self.found = self._opened = True
                 yield Line(name, number, (), common, _plain_words)
-            elif _MARK.fullmatch(raw):
+            elif marks.PERCENT.fullmatch(raw):
                 if self._opened:
                     return
                 self._opened = True
@@ -118,7 +117,7 @@ class _Scan:
         if (common := COMMON.fullmatch(raw)) is not None and common.lastindex is not None:
             self.found = True
             return Line(name, number, (), common, _plain_words)
-        return None if _MARK.fullmatch(raw) else self._general(raw, name, number, callers)
+        return None if marks.PERCENT.fullmatch(raw) else self._general(raw, name, number, callers)
 
     def _general(self, raw: str, name: str, number: int, callers: Callers = ()) -> Line | None:
         try:
@@ -214,7 +213,7 @@ class _Words(Values):
         self._check_ascii()
         self._text = self._text.lower()
         words: list[Word] = []
-        settings: dict[Name, float] = {}
+        settings: dict[Name, float | None] = {}
         if self.take("/") and self.peek() in "123456789" and _LEVEL.match(self._text, self._at):
             self._at += 1  # Fanuc's /2: there is one switch for all of them
         if self.peek() == "n":
@@ -224,7 +223,7 @@ class _Words(Values):
                 key, value = self._setting()
                 settings[key] = value
             else:
-                words.append(self._word())
+                words += self._word()
         try:
             self._parameters.set(settings)
         except NoValue as why:
@@ -244,18 +243,19 @@ class _Words(Values):
         return self.refusal(at, "text.stray", found=found)
 
     def _line_number(self) -> None:
-        word = self._word()
+        (word,) = self._word()
         if word.value < 0.0:
             raise self.refusal(word.column - 1, "word.no_number", word=word.text)
 
-    def _word(self) -> Word:
+    def _word(self) -> tuple[Word, ...]:
+        """The next word; nothing of one whose value is an argument that its macro was not given."""
         letter, start = self.peek(), self._at
         if letter == "," and self._parameters.of_fanuc and (corner := _CORNER.match(self._text, start)):
             self._at = corner.end()
             value, point = self.value(start, f",{corner[1].upper()}")
             self.check_set(start)
             text = "".join(self._text[start : self._at].split()).upper()
-            return Word(corner[1], value, point, start + 1, text[:40])
+            return (Word(corner[1], value, point, start + 1, text[:40]),)
         if not (letter.isalpha() or letter in "@^"):
             raise self._stray(start)
         if letter == "o":
@@ -265,11 +265,13 @@ class _Words(Values):
             self._step = 1e-3 if self._parameters.value("_metric") else 1e-4
         value, point = self.value(start, letter.upper())
         self._step = 1.0
+        text = "".join(self._text[start : self._at].split()).replace("\0", "").upper()
+        if letter != "n" and self.is_vacant and self._parameters.leave_out(self._vacant, text):
+            return ()
         self.check_set(start)
         if abs(value) > LARGEST:
             raise self.refusal(start, "word.too_large", letter=letter.upper(), value=value, most=LARGEST)
-        text = "".join(self._text[start : self._at].split()).replace("\0", "").upper()
-        return Word(letter.upper(), value, point, start + 1, text[:40])
+        return (Word(letter.upper(), value, point, start + 1, text[:40]),)
 
     def _stray_o(self, at: int) -> ProgramError:
         before = self._text[:at].rstrip(GAPS)
@@ -278,8 +280,8 @@ class _Words(Values):
             return self.refusal(at, "value.o_for_zero", before=before[-1])
         return self.refusal(at, "text.o_inside")
 
-    def _setting(self) -> tuple[Name, float]:
-        """``#n = value``; as Fanuc has it also ``#n = #m + 1``, without brackets."""
+    def _setting(self) -> tuple[Name, float | None]:
+        """``#n = value``; as Fanuc has it also ``#n = #m + 1``, without brackets; None of ``#n = #0``."""
         start = self._at
         key = self.key()
         written = f"#<{key}>" if isinstance(key, str) else f"#{key}"
@@ -293,5 +295,7 @@ class _Words(Values):
             raise self.refusal(start, "value.nothing")
         value = self.value(start, f"{written}=")[0]
         value = self.joined(value, ARITHMETIC) if self._parameters.of_fanuc else value
+        if self.is_vacant and self._parameters.may_be_vacant(key):
+            return key, None
         self.check_set(start)
         return key, value

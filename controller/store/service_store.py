@@ -150,15 +150,8 @@ class ServiceStore:
     @contextlib.contextmanager
     def write(self) -> Iterator[sqlite3.Connection]:
         """A transaction: all of it is on the disk behind it or, on any exception, nothing. Raises OSError."""
-        with self._lock, self._of_the_disk():
-            self._sql.execute("BEGIN IMMEDIATE")
-            try:
-                yield self._sql
-                self._sql.execute("COMMIT")
-            except BaseException:
-                with contextlib.suppress(sqlite3.Error):
-                    self._sql.execute("ROLLBACK")
-                raise
+        with self._lock, self._of_the_disk(), own_database.transaction(self._sql) as sql:
+            yield sql
 
     @contextlib.contextmanager
     def _of_the_disk(self) -> Iterator[None]:

@@ -62,7 +62,7 @@ def lines(title: str, words: tuple[str, str], drawn: Sequence[Line], log_x: bool
         return ""
     x = Scale(*_span([v for one in drawn for v in one.x]), LEFT, WIDTH - RIGHT, log_x)
     y = Scale(*_padded([v for one in drawn for v in one.y]), HEIGHT - BOTTOM, TOP)
-    return _svg(title, [*_frame(x, y, words), *_curves(drawn, x, y)])
+    return svg(title, [*_frame(x, y, words), *_curves(drawn, x, y)])
 
 
 def circle(title: str, words: tuple[str, str], drawn: Sequence[Line]) -> str:
@@ -74,7 +74,7 @@ def circle(title: str, words: tuple[str, str], drawn: Sequence[Line]) -> str:
     half = 0.5 * (HEIGHT - TOP - BOTTOM)
     x = Scale(-size, size, WIDTH / 2 - half, WIDTH / 2 + half)
     y = Scale(-size, size, HEIGHT - BOTTOM, TOP)
-    return _svg(title, [*_frame(x, y, words), *_curves(drawn, x, y)])
+    return svg(title, [*_frame(x, y, words), *_curves(drawn, x, y)])
 
 
 def _span(values: Sequence[float]) -> tuple[float, float]:
@@ -91,13 +91,13 @@ def _frame(x: Scale, y: Scale, words: tuple[str, str]) -> Iterator[str]:
     for mark in y.marks():
         at = y.at(mark)
         yield f'<line x1="{x.begin:.1f}" y1="{at:.1f}" x2="{x.end:.1f}" y2="{at:.1f}" stroke="{GREY}"/>'
-        yield _text(x.begin - 6, at + 4, f"{mark:.4g}", "end")
+        yield text(x.begin - 6, at + 4, f"{mark:.4g}", "end")
     for mark in x.marks():
         at = x.at(mark)
         yield f'<line x1="{at:.1f}" y1="{y.begin}" x2="{at:.1f}" y2="{y.begin + 5}" stroke="#111"/>'
-        yield _text(at, y.begin + 18, f"{mark:.4g}", "middle")
-    yield _text((x.begin + x.end) / 2, HEIGHT - 8, words[0], "middle")
-    yield _text(x.begin, TOP - 12, words[1], "start")
+        yield text(at, y.begin + 18, f"{mark:.4g}", "middle")
+    yield text((x.begin + x.end) / 2, HEIGHT - 8, words[0], "middle")
+    yield text(x.begin, TOP - 12, words[1], "start")
 
 
 def _curves(drawn: Sequence[Line], x: Scale, y: Scale) -> Iterator[str]:
@@ -109,14 +109,16 @@ def _curves(drawn: Sequence[Line], x: Scale, y: Scale) -> Iterator[str]:
         if one.name:
             at = TOP + 10 + 17 * number
             yield f'<line x1="{WIDTH - 220}" y1="{at}" x2="{WIDTH - 185}" y2="{at}" {pen}/>'
-            yield _text(WIDTH - 178, at + 4, one.name, "start")
+            yield text(WIDTH - 178, at + 4, one.name, "start")
 
 
-def _text(x: float, y: float, words: str, anchor: str) -> str:
+def text(x: float, y: float, words: str, anchor: str) -> str:
+    """Words at a place; ``anchor``: start, middle or end of them."""
     return f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}">{escape(words)}</text>'
 
 
-def _svg(title: str, parts: Sequence[str]) -> str:
+def svg(title: str, parts: Sequence[str]) -> str:
+    """A picture of these elements."""
     return (
         f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" role="img" xmlns="http://www.w3.org/2000/svg">'
         f"<title>{escape(title)}</title>\n{''.join(parts)}</svg>\n"

@@ -128,3 +128,11 @@ def test_heights_of_a_cycle_stay_where_they_are_between_g90_and_g91() -> None:
     assert heights == [-3.0, -3.0, -5.0, -5.0]
     retracts = [block.targets[2] for block in read(f"{text}G0 Z20.\n")[0] if block.targets[2] is not None]
     assert set(retracts) == {20.0, 2.0, -3.0, -5.0}
+
+
+@pytest.mark.parametrize(
+    ("text", "told"), [("G41", 1), ("G42", 1), ("G41 D1", 0), ("D1\nG42", 0), ("G40", 0)]
+)
+def test_a_side_without_d_tells_whose_radius_it_is(text: str, told: int) -> None:
+    _, notes = read(f"{text}\nG0 X20.\n")
+    assert sum("without D" in note for note in notes) == told

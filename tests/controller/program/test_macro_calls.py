@@ -8,7 +8,7 @@ import pytest
 from support.oracles import reference_interpreter
 
 from controller.program import blocks, linked
-from controller.program.program import JointLine, ProgramError
+from controller.program.program import JointLine, ProgramError, Remark
 
 SHOWS = "O9010\n{}\nM99\n"  # a macro that shows numbers as X
 
@@ -78,6 +78,30 @@ def test_what_is_not_given_is_vacant() -> None:
     assert ends(f"G65 P9010\nG65 P9010 X0\nG65 P9010 X3.\n{macro}") == [-1, 0, 3]
     macro = "M30\nO9010\nIF [#1 NE #0] THEN X1.\nIF [#0 NE #1] THEN X2.\nX3.\nM99"
     assert ends(f"G65 P9010\nG65 P9010 A1.\n{macro}") == [3, 1, 2, 3]
+
+
+def test_a_word_of_an_argument_that_was_not_given_counts_for_nothing_and_is_told_once() -> None:
+    text = (
+        "G65 P9010 X3.\nG65 P9010 L2 Y2.\nM30\nO9010\nG0 X#24 Y#25\nG65 P9011 X#24 Z7.\nM99\n"
+        "O9011\nX[#26+1] Z#24\nM99"
+    )
+    on = replace(reference_interpreter.machine("fanuc"), without_point="unit")
+    read = blocks.read(f"G21 G90 G0\n{text}".encode(), on, "p.nc")
+    lines = [b.targets[:3] for b in read.blocks if isinstance(b, JointLine)]
+    assert lines[0] == (3.0, None, None) and lines[1] == (8.0, None, 3.0)
+    assert lines[2:] == [(None, 2.0, None), (8.0, None, None)] * 2
+    told = [block.sentence for block in read.blocks if isinstance(block, Remark)]
+    assert told == [
+        "Y#25 counts for nothing here: #25 is an argument that this macro was not given.",
+        "X#24 counts for nothing here: #24 is an argument that this macro was not given.",
+        "Z#24 counts for nothing here: #24 is an argument that this macro was not given.",
+    ]
+
+
+@pytest.mark.parametrize("line", ["G0 X#24", "M98 P7", "G65 P9010"])
+def test_what_nobody_has_set_is_refused_elsewhere(line: str) -> None:
+    with pytest.raises(ProgramError, match="has no value yet"):
+        ends(f"{line}\nM30\nO7\nG0 X#24\nM99\nO9010\nG0 X#100\nM99")
 
 
 def test_g66_calls_behind_every_line_that_moves_until_g67() -> None:

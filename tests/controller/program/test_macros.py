@@ -41,6 +41,16 @@ def ends(text: str, dialect: str = "fanuc", block_delete: bool = False) -> list[
         ("G0 X1.\nM98 P7\nN10 X2.\nM30\nO7\nGOTO 10\nX3.\nN10 X4.\nM99", [1, 4, 2]),
         ("#500=#500+1\nX#500\nX[#1*2+3]\nIF [#2 LT 1] GOTO 9\nX8.\nN9 X[#3-1] Y[ABS[#4]]", [1, 3, -1]),
         ("(GOTO 10)\nX1.\nN10 X2.", [1, 2]),
+        ("#1=1\nWH[#1LE3]DO1\nX#1\n#1=#1+1\nEN1\nX9.", [1, 2, 3, 9]),
+        ("#1=0\nWH [[#1 GE 0] AN [#1 LT 2]] DO2\nX[#1+SI[90]+CO[90]]\n#1=#1+1\nEND2", [1, 2]),
+        ("GO5\nX2.\nN5 X3.\n#1=4\nIF[#1EQ4]GO 7\nX1.\nN7 IF[#1EQ4]TH#1=8\nX#1", [3, 8]),
+        ("X[SQ[4]+AB[-1]+AS[1]+AC[1]+AT[1]/[1]+RO[0.6]+FI[1.9]+FU[1.1]+TA[45]+EX[0]+[3XO1]]", [145.6]),
+        ("IF [#1 EQ 0] GOTO 10\nX1.\nN10 X2.\nIF [0 NE #1] THEN X3.\nIF [#1 EQ #2] THEN X4.", [1, 2, 3, 4]),
+        (
+            "IF [#1NE#2] THEN X1.\nIF [#1GE0] THEN X2.\nIF [#1 GT 0] THEN X3.\nIF [[#1+0] EQ 0] THEN X4.",
+            [2, 4],
+        ),
+        ("#100=5\n#100=#0\nIF [#100 EQ #0] THEN X1.\n#1=7\n#1=#100\nIF [#1 NE #0] THEN X2.\nX[#1+3]", [1, 3]),
         ("GOTO 1\r\nX5.\r\nN1 X6.\r\nM30\r\n", [6]),
     ],
 )
@@ -60,6 +70,7 @@ def test_a_jump_that_block_delete_leaves_out_is_none() -> None:
 @pytest.mark.parametrize(
     ("text", "place", "why"),
     [
+        ("GO X1.", "2:1", "is it a zero?"),
         ("#1=1\n  GOTO 30\nN3 X1.", "3:3", "GOTO 30 leads to N30"),
         ("#1=1.5\nGOTO #1\nN1 X1.", "3:1", "leads to N1.5"),
         ("#1=1\nIF [#1 EQ 1] GOTO 30\nX1.", "3:1", "leads to N30"),
@@ -69,8 +80,8 @@ def test_a_jump_that_block_delete_leaves_out_is_none() -> None:
         ("N1 X1.\nGOTO 1", "3:1", "50"),
         ("X#1", "2:1", "#1 has no value yet"),
         ("X[#1]", "2:1", "#1 has no value yet"),
-        ("#2=#1", "2:1", "#1 has no value yet"),
-        ("IF [#1 EQ 0] GOTO 10\nN10 X1.", "2:8", "#1 has no value yet"),
+        ("#0=1", "2:1", "#0"),
+        ("#2=1\n#2=#1\nX#2", "4:1", "#2 has no value yet"),
         ("M98 P7\nM30\nO7\nGOTO 10\nM99\nO8\nN10 X1.\nM99", "5:1", "leads to N10"),
     ],
 )
@@ -78,6 +89,12 @@ def test_what_leads_nowhere_is_refused_with_its_place(text: str, place: str, why
     with pytest.raises(ProgramError) as caught:
         ends(f"G21 G90 G0\n{text}")
     assert str(caught.value).startswith(f"p.nc:{place}: ") and why in caught.value.sentence
+
+
+def test_what_outlives_the_program_keeps_a_number() -> None:
+    on = replace(reference_interpreter.machine("fanuc", without_point="unit"), kept=((500, 999),))
+    with pytest.raises(ProgramError, match="#1 has no value yet"):
+        blocks.read(b"#500=1\n#500=#1\nM30\n", on, "p.nc")
 
 
 def test_under_rs274_they_are_another_controls_and_a_number_is_0_until_it_is_set() -> None:
@@ -104,3 +121,10 @@ def test_functions_of_two_values(written: str, x: float) -> None:
 def test_a_power_of_one_value_is_refused(written: str) -> None:
     with pytest.raises(ProgramError):
         ends(f"G21 G90 G0\nX[{written}]")
+
+
+def test_percent_and_the_end_of_its_line_begin_and_end_a_text() -> None:
+    assert ends("%;\nO1(A);\nG21 G90 G0;\nM98 P7;\nX1.;\nM30;\nO7;\nX2.;\nM99;\n%;\nX3.\n") == [2, 1]
+    assert ends("%;\nG21 G90 G0;\nX1.;\n% ;\nX3.\n") == [1]
+    with pytest.raises(ProgramError, match="stands alone"):
+        ends("% X1.\nX3.\n")

@@ -12,6 +12,7 @@ from typer.testing import CliRunner
 from controller.__main__ import app
 from controller.messages import text
 from controller.program import refusals
+from controller.program.program import ProgramError
 
 POST = "G21 G90\nG1 X1 F100\nG99.9 X2\nX1O\nM97\nG99.9 X3 E5\nX#<depth>\nG1 X4 E2\nX5\nM30\n"
 
@@ -43,6 +44,20 @@ def test_every_line_that_is_refused_is_told_once_with_what_is_to_blame() -> None
 )
 def test_a_line_is_blamed_once_however_often_it_runs(text: str, expected: list[tuple[int, str]]) -> None:
     assert of(text) == expected
+
+
+def test_a_loop_whose_counter_is_refused_ends_the_search(monkeypatch: pytest.MonkeyPatch) -> None:
+    read: list[int] = []
+    monkeypatch.setattr(refusals, "MAX_REPEATED", 50)
+    seen = refusals._Refused.append
+
+    def watched(self: refusals._Refused, error: ProgramError) -> None:
+        read.append(error.line)
+        seen(self, error)
+
+    monkeypatch.setattr(refusals._Refused, "append", watched)
+    assert of("#1=1\no1 while [#1 LT 3]\n#1=[#1+#<step>]\no1 endwhile\nM97\n") == [(3, "")]
+    assert read == [3] * 52
 
 
 def test_check_tells_all_of_them(tmp_path: Path) -> None:

@@ -118,6 +118,13 @@ def test_tool_offsets_from_2001_on_are_those_of_the_builder(who: str, number: st
         value("G0", number)
 
 
+def test_the_work_offset_is_group_12_of_haas() -> None:
+    assert value("G56", "#4012", macro_variables="haas") == 56.0
+    assert value("G56", "#4012", macro_variables="fanuc") == 67.0
+    with pytest.raises(ProgramError, match="#4014"):
+        value("G56", "#4014", macro_variables="haas")
+
+
 def test_diameters_of_haas() -> None:
     on = machine()
     assert value("G0", "#2401", macro_variables="haas") == pytest.approx(2.0 * on.tools[0].radius_mm)

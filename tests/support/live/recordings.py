@@ -42,9 +42,7 @@ M30
 """
 TIPS_B = TIPS.replace(" A", " B")  # for machines with other rotaries
 CONE = """G21 G90 G54 G61 T2 M6
-S6000 M3
 G51 x7.5 y0. z-15. i0. j0. k-15. h15. r3.75 d200. F1200.
-M5
 M30
 """
 CHANGES = """G21 G90 G54 T1 M6
@@ -70,8 +68,11 @@ RULED = "example2_ready.ngc"  # of the shipped programs
 
 
 def ruled() -> str:
-    """Two ruled surfaces, faster than the paper's, and with a cutter whose placement takes no search."""
-    return program(RULED, "1500.")
+    """Two ruled surfaces, faster than the paper's, and with a cutter whose placement takes no search.
+
+    Without its spindle, which an operator would have to switch.
+    """
+    return program(RULED, "1500.").replace("S12000 M3", "").replace("N220 M5\n", "")
 
 
 # -- live: processes of their own, in real time
