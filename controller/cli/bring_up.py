@@ -175,8 +175,12 @@ class AtTerminal:
             return self._answers.values[self._step]
         if self._answers.silent:
             raise NotDone(message("bringup.no_value", step=self._step))
-        found: float = typer.prompt(in_words(question), value_proc=_answer, err=True)
-        return found
+        while True:
+            typed: str = typer.prompt(in_words(question), err=True)
+            try:
+                return _finite(typed)
+            except ValueError:
+                tell.print(console.say("bringup.no_answer", found=typed), markup=False)
 
     def confirms(self, question: Message) -> bool:
         if self._step in self._answers.yes:
@@ -268,14 +272,6 @@ def _finite(number: str) -> float:
     if not math.isfinite(found):
         raise ValueError(number)
     return found
-
-
-def _answer(number: str) -> float:
-    """What was typed; whoever types no number is asked again."""
-    try:
-        return _finite(number)
-    except ValueError:
-        raise typer.BadParameter(console.say("bringup.no_answer", found=number)) from None
 
 
 def _expected() -> tuple[type[Exception], ...]:
