@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from controller import atomic_file, own_files
-from controller.messages import TextError, message
+from controller.messages import Message, TextError, message
 
 SEAL, VALUE = "seal", "value"  # VALUE: of what is no JSON object
 SUM = "sum"  # of a line
@@ -96,6 +96,24 @@ def read(
 def before(file: Path) -> Path:
     """The generation before, if there is one."""
     return file.with_name(f"{file.name}{BEFORE}")
+
+
+def before_counts(file: Path, why: Exception | Message | str, aside: str, at_s: float) -> Message:
+    """What an alarm says where a file's generation before, of ``at_s``, counts now.
+
+    ``aside``: the name that the damaged one has now; "" where it is gone.
+    """
+    at = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(at_s))
+    if not aside:
+        return message("file_gone_before", file=file, at=at)
+    return message("file_before", file=file, why=why, aside=aside, at=at)
+
+
+def begun_anew(file: Path, why: Exception | Message | str, aside: str) -> Message:
+    """Likewise where nothing of it counts any more."""
+    return (
+        message("file_damaged", file=file, why=why, aside=aside) if aside else message("file_gone", file=file)
+    )
 
 
 def written_s(file: Path) -> float:

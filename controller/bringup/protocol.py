@@ -81,6 +81,8 @@ def opened(folder: Path, machine: Machine, simulated: bool) -> Protocol:
     made = Protocol(folder, machine.name, simulated, hashlib.sha256(machine.text.encode()).hexdigest(), {})
     try:
         found = sealed_file.read(folder / FILE)
+        if not sealed_file.is_sealed(folder / FILE):
+            raise sealed_file.Damaged(message("sealed.none"))
     except FileNotFoundError:
         return made
     except sealed_file.Damaged as error:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -174,8 +175,12 @@ class AtTerminal:
             return self._answers.values[self._step]
         if self._answers.silent:
             raise NotDone(message("bringup.no_value", step=self._step))
-        found: float = typer.prompt(in_words(question), type=float, err=True)
-        return found
+        while True:
+            typed: str = typer.prompt(in_words(question), err=True)
+            try:
+                return _finite(typed)
+            except ValueError:
+                tell.print(console.say("bringup.no_answer", found=typed), markup=False)
 
     def confirms(self, question: Message) -> bool:
         if self._step in self._answers.yes:
@@ -251,11 +256,21 @@ def _values(pairs: Sequence[str], steps: Sequence[Step]) -> dict[str, float]:
     found = {}
     for pair in pairs:
         name, _, number = pair.partition("=")
-        (step,) = _named([name], steps) if name in {one.name for one in steps} else _named([pair], steps)
+        named = _named([name], steps)
         try:
-            found[step] = float(number)
+            if named != {name}:  # all of a kind, or all
+                raise ValueError(name)
+            found[name] = _finite(number)
         except ValueError:
             raise Misunderstood(console.say("bringup.no_number", found=pair)) from None
+    return found
+
+
+def _finite(number: str) -> float:
+    """A number that a gauge can show. Raises ValueError."""
+    found = float(number)
+    if not math.isfinite(found):
+        raise ValueError(number)
     return found
 
 

@@ -171,6 +171,8 @@ def runs(
 ) -> None:
     """What was run, when, how long, and how it ended."""
     with connected(url, as_json) as machine:
+        if keep is not None and release is not None:
+            raise Refused(say("keep_or_release"))
         for number, on, key in ((keep, True, "run_kept"), (release, False, "run_released")):
             if number is not None:
                 done = machine.put(f"runs/{number}/kept", {"on": on})
@@ -191,6 +193,7 @@ def _runs(found: list[dict[str, Any]]) -> Iterator[str]:
         ended_s = run["ended_s"]
         took = status_view.clock(None if ended_s is None else ended_s - run["began_s"])
         result = word(f"result.{run['result']}", run["result"])
+        result += f", {say('run_stays')}" if run["facts"].get("kept") else ""
         rows.append((str(run["id"]), _when(run["began_s"]), took, result, run["program"]))
     widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]) - 1)]
     whys = ("", *(str(run["facts"].get("sentence") or "") for run in found))

@@ -100,10 +100,12 @@ def look(state: Path) -> Iterator[Found]:
     for name in (*owners.SEALED, *older_files.DOCUMENTS):
         for file in (state / name, sealed_file.before(state / name)):
             yield from _held(file, state, _sealed)
+        yield from _gone(state / name, sealed_file.before(state / name))
     yield from _held(state / older_files.ALARMS, state, _alarms)
     yield from _held(state / log_in_marker.FILE, state, _log_in)
     for name in (tool_store.OLDER, database.FILE, service_store.FILE, service_store.COPY):
         yield from _held(state / name, state, _rows)
+    yield from _gone(state / service_store.FILE, state / service_store.COPY)
     folders = Folders.within(state)
     for folder in (folders.arranged, folders.checks):
         for name in own_files.names(folder, state):
@@ -144,6 +146,12 @@ def _held(file: Path, state: Path, condition: Callable[[Path, Path], Condition])
         yield Found(name, DAMAGED, of_error(error))
     except sqlite3.Error as error:
         yield Found(name, DAMAGED, messages.plain(str(error)))
+
+
+def _gone(file: Path, before: Path) -> Iterator[Found]:
+    """A file that is not there, though the one before it is: then something has taken it away."""
+    if os.path.lexists(before) and not os.path.lexists(file):
+        yield Found(file.name, DAMAGED, message("sealed.gone"))
 
 
 # -- each raises one of the above for what is damaged

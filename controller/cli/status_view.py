@@ -166,15 +166,17 @@ def _feed(status: Status) -> Text:
 
 
 def _bits(status: Status) -> Iterator[Text]:
-    """Inputs and outputs by name: bold is 1. What a drive reported goes below them."""
+    """Inputs and outputs by name: bold is 1, a dash is not known. What a drive reported goes below them."""
     for kind in ("inputs", "outputs"):
         if bits := status.get(kind):
             told = Text(f"{say(kind)}:")
             for name, on in bits.items():
-                told.append(f"  {name} {'1' if on else '0'}", "bold" if on else "")
+                told.append(f"  {name} {'-' if on is None else int(on)}", "bold" if on else "")
             yield told
     if levels := status.get("analogue_outputs"):
-        values = "  ".join(f"{name} {value:g}" for name, value in levels.items())
+        values = "  ".join(
+            f"{name} {'-' if value is None else f'{value:g}'}" for name, value in levels.items()
+        )
         yield Text(f"{say('analogue_outputs')}:  {values}")
     for drive in status.get("drives") or ():
         counts = ("malformed", "missed_setpoints", "overdue_setpoints")

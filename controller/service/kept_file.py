@@ -6,7 +6,6 @@ Then the generation before counts, if that is whole; without one, what is there 
 from __future__ import annotations
 
 import contextlib
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
@@ -33,8 +32,7 @@ def read(file: Path, taken: Callable[[Any], T], missing: T) -> tuple[T, Message 
     except WRONG:
         own_files.put_aside(earlier)
         return missing, put_aside(file, why)
-    at = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(at_s))
-    return values, message("file_before", file=file, why=why, aside=_replaced(file, plain), at=at)
+    return values, sealed_file.before_counts(file, why, _replaced(file, plain), at_s)
 
 
 def read_newest(file: Path, taken: Callable[[Any], T], missing: T, unknown: Any) -> tuple[T, Message | None]:
@@ -44,7 +42,7 @@ def read_newest(file: Path, taken: Callable[[Any], T], missing: T, unknown: Any)
     values, why = _newest(file, taken, missing)
     if why is None:
         return values, None
-    return taken(unknown), message("file_damaged", file=file, why=why, aside=_replaced(file, unknown))
+    return taken(unknown), sealed_file.begun_anew(file, why, _replaced(file, unknown))
 
 
 def _newest(file: Path, taken: Callable[[Any], T], missing: T) -> tuple[T, Message | None]:
@@ -58,7 +56,7 @@ def _newest(file: Path, taken: Callable[[Any], T], missing: T) -> tuple[T, Messa
 
 
 def _replaced(file: Path, values: Any) -> str:
-    """Puts ``values`` in the place of a damaged file, and names where that one is now.
+    """Puts ``values`` in the place of a damaged file, and names where that one is now; "" where it is gone.
 
     Where the disk takes none it stays where it is, to be found damaged again: never is no file in its place.
     """
@@ -70,10 +68,10 @@ def _replaced(file: Path, values: Any) -> str:
             with contextlib.suppress(OSError):
                 own_files.rename(aside, file)
         return file.name
-    return aside.name if aside is not None else "-"
+    return aside.name if aside is not None else ""
 
 
 def put_aside(file: Path, why: Exception | Message | str) -> Message:
     """Gives a file that cannot be read another name; what an alarm says of it."""
     aside = own_files.put_aside(file)
-    return message("file_damaged", file=file, why=why, aside=aside.name if aside else "-")
+    return sealed_file.begun_anew(file, why, aside.name if aside else "")

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import errno
+import fcntl
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from controller import own_files
 from controller.ipc import control_socket
 from controller.machine.model import Machine
 from controller.messages import message
@@ -72,6 +75,29 @@ def opened(
 
     Somebody has to ``watch`` it. Raises what ``run`` does.
     """
+    with alone(kept.state), _opened(machine, kept, runtime, group, part, stamped) as service:
+        yield service
+
+
+@contextmanager
+def alone(state: Path) -> Iterator[None]:
+    """Holds a state folder: two services, each with sockets of its own, would write over each other.
+
+    A killed one holds it no more (flock(2) of the folder, which no child inherits). Raises OSError.
+    """
+    own_files.make_folder(state, state)
+    with own_files.folder(state) as at:
+        try:
+            fcntl.flock(at, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise own_files.refusal(errno.EEXIST, message("another_service"), state) from error
+        yield
+
+
+@contextmanager
+def _opened(
+    machine: Machine, kept: Folders, runtime: Path, group: str, part: Path | None, stamped: bool
+) -> Iterator[Service]:
     service = Service(machine, kept)
     last = whole_status.Kept(service).begin()
     try:

@@ -272,13 +272,13 @@ class ServiceStore:
         aside = own_files.put_aside(self.file)
         for end in own_database.BESIDE:
             own_files.put_aside(self.file.with_name(f"{FILE}{end}"))
-        facts: dict[str, Any] = {"file": self.file, "why": why, "aside": aside.name if aside else "-"}
+        named = aside.name if aside else ""
         if not os.path.lexists(self._copy):
-            self.losses.append(message("file_damaged", **facts))
+            self.losses.append(sealed_file.begun_anew(self.file, why, named))
             return
-        at = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(self._copy.lstat().st_mtime))
+        at_s = self._copy.lstat().st_mtime
         own_files.rename(self._copy, self.file)
-        self.losses.append(message("file_before", **facts, at=at))
+        self.losses.append(sealed_file.before_counts(self.file, why, named, at_s))
 
 
 def document_of(folder: Path, name: str) -> Any:
@@ -339,7 +339,7 @@ def settle(file: Path) -> Message | None:
         for end in own_database.BESIDE:
             own_files.put_aside(file.with_name(f"{file.name}{end}"))
         aside = own_files.put_aside(file)
-        return message("file_damaged", file=file, why=str(error), aside=aside.name if aside else "-")
+        return sealed_file.begun_anew(file, str(error), aside.name if aside else "")
     return None
 
 

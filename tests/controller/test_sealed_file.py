@@ -104,7 +104,10 @@ def test_where_a_file_is_damaged_the_one_before_counts_and_is_reported(tmp_path:
     file = written(tmp_path)
     file.unlink()
     values, alarm = kept_file.read(file, lambda found: found, None)
-    assert values == FIRST and alarm is not None and alarm["key"] == "file_before"
+    assert values == FIRST and alarm is not None and alarm["key"] == "file_gone_before"
+    written(tmp_path).unlink()
+    values, alarm = kept_file.read_newest(file, lambda found: found, None, {"unknown": True})
+    assert values == {"unknown": True} and alarm is not None and alarm["key"] == "file_gone"
 
 
 def test_what_counts_instead_of_a_damaged_file_is_in_it_from_then_on(tmp_path: Path) -> None:

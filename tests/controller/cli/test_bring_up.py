@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import re
 from pathlib import Path
@@ -18,6 +19,7 @@ from controller.bringup.protocol import Outcome
 from controller.bringup.steps import KINDS
 from controller.cli import bring_up
 from controller.machine import machine_file
+from controller.messages import message
 
 app = typer.Typer()
 bring_up.register(app)
@@ -95,6 +97,10 @@ def test_a_gauge_that_agrees_leaves_the_scale_as_it_is() -> None:
         (("--step", "scale.Q"), "scale.Q"),
         (("--yes", "everything"), "everything"),
         (("--value", "scale.X=wide"), "scale.X=wide"),
+        (("--value", "scale.X=nan"), "scale.X=nan"),
+        (("--value", "scale.X=-inf"), "scale.X=-inf"),
+        (("--value", "scale.X"), "scale.X"),
+        (("--value", "scale.Q=10"), "no step scale.Q;"),
         (("--value", "scale=10"), "scale=10"),
     ],
 )
@@ -104,6 +110,15 @@ def test_what_is_no_step_or_no_number_is_refused_before_anything_begins(
     answer = asked(str(tmp_path / "new"), "--simulate", *words)
     assert answer["exit"] == 2 and names in answer["error"]
     assert not (tmp_path / "new").exists()
+
+
+def test_who_types_what_no_gauge_says_is_asked_again(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("sys.stdin", io.StringIO("nan\n9,98\ninf\n\n9.98\n"))
+    operator = bring_up.AtTerminal("scale.X", bring_up.Answers(frozenset(), {}, silent=False))
+    assert operator.value(message("bringup.ask.gauge", axis="X", way=10.0, unit="mm")) == 9.98
+    assert capsys.readouterr().err.count("9,98 is no number") == 1
 
 
 def noted(folder: Path, machine: str = "trunnion", good: bool = True) -> protocol.Protocol:
@@ -119,9 +134,16 @@ def test_a_protocol_of_another_machine_or_one_that_is_damaged_is_refused(tmp_pat
     real = asked(str(tmp_path), "--list")
     assert real["exit"] == 1 and "simulated" in real["error"]
     file = tmp_path / protocol.FILE
-    file.write_text(file.read_text().replace("good", "bad"))
-    damaged = asked(str(tmp_path), "--simulate", "--list")
-    assert damaged["exit"] == 1 and protocol.FILE in damaged["error"]
+    for text in (
+        file.read_text().replace("good", "bad"),
+        "",
+        "{}",
+        '{"machine": "trunnion", "done": {}}',
+        "[1]",
+    ):
+        file.write_text(text)
+        damaged = asked(str(tmp_path), "--simulate", "--list")
+        assert damaged["exit"] == 1 and protocol.FILE in damaged["error"], text
 
 
 def test_what_was_done_with_another_machine_file_says_so(tmp_path: Path) -> None:

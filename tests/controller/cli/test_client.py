@@ -565,7 +565,11 @@ def test_a_run_is_kept_by_its_number_and_let_go_again(panel: Panel, door: Noting
     (panel.run_records / "2026-11-21T080000.000-part.ngc").mkdir(parents=True)
     assert f"The record of run {number} stays." in done("runs", "--keep", str(number))
     assert json.loads(done("runs", "--json"))["runs"][0]["facts"]["kept"] is True
+    assert "completed, stays  part.ngc" in done("runs")
     assert "may go with the oldest" in done("runs", "--release", str(number))
+    assert "stays" not in done("runs")
+    both = run("runs", "--keep", str(number), "--release", str(number))
+    assert both.exit_code == 1 and "one of them, not both" in both.stderr
     sent = [values for verb, values in door.asked if verb == "keep_run"]
     assert [values["on"] for values in sent] == [True, False]
     assert {values["record"] for values in sent} == {"2026-11-21T080000.000-part.ngc"}

@@ -125,6 +125,15 @@ def test_every_file_that_it_lists_is_damaged_by_a_bit_and_then_alone(copied: Pat
     assert damaged["file"].endswith("events.jsonl") and "0" in damaged["why"]
 
 
+def test_a_file_that_is_gone_beside_the_one_before_it_is_damaged(copied: Path) -> None:
+    (copied / "service.sqlite.before").write_bytes((copied / "service.sqlite").read_bytes())
+    for name in ("fitting.json", "service.sqlite"):
+        (copied / name).unlink()
+        assert name in {one["file"] for one in asked(copied, 1) if one["condition"] == "damaged"}
+        (copied / f"{name}.before").unlink()
+        assert name not in {one["file"] for one in asked(copied, 0)}
+
+
 def test_a_row_and_what_was_written_ahead_are_looked_at(copied: Path) -> None:
     for name, wanted in {
         "store.sqlite": b"anna",

@@ -116,6 +116,14 @@ def test_inputs_outputs_and_what_drives_reported_are_shown() -> None:
     assert "drive of Z: 2 setpoints missed" in told and "too long" not in told
 
 
+def test_what_is_not_known_of_inputs_outputs_and_levels_is_a_dash() -> None:
+    """As before the first tick, and after the last one of a tick that is gone."""
+    told = shown({**RUNNING, "inputs": {"estop": None, "door": True}, "outputs": {"lamp": None}})
+    assert "inputs:  estop -  door 1" in told and "outputs:  lamp -" in told
+    told = shown({**RUNNING, "analogue_outputs": {"air_bar": None, "valve": 2.5}})
+    assert "air_bar -  valve 2.5" in told
+
+
 def test_a_line_for_scripts_says_mode_place_and_time_left() -> None:
     assert status_view.line(RUNNING) == "RUNNING line 10 40 % left 0:31"
     assert status_view.line({"mode": "FAULT", "fault": {"name": "EMCY"}}) == "FAULT EMCY"
