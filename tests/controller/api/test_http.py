@@ -442,7 +442,7 @@ def test_every_kind_of_refusal_of_the_store_has_its_status() -> None:
     """A kind without one would be an error of ours (500) to whoever asks."""
     codes = set()
     for file in Path(http.__file__).parent.rglob("*.py"):
-        codes |= set(re.findall(r'StoreError(?:\.told)?\(\s*"([a-z0-9]+)"', file.read_text("utf-8")))
+        codes |= set(re.findall(r'StoreError(?:\.of)?\(\s*"([a-z0-9]+)"', file.read_text("utf-8")))
     assert codes <= set(http.STORE_STATUSES) and len(codes) > 8
 
 

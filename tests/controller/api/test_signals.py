@@ -137,9 +137,8 @@ def test_an_npz_file_gives_every_tick_back() -> None:
 
 
 def test_setpoints_of_a_run_are_positions_and_the_rest_is_not_known() -> None:
-    columns = ("tick", *(f"setpoint_{i}" for i in range(5)))
-    taken = np.array([[7, 200_000, 0, 0, 0, -400_000]])
-    found = Signals(signals.rows_of_setpoints(columns, taken, MACHINE), MACHINE)
-    assert found.values("X.command") == pytest.approx(1.0)
-    assert found.values("C.command") == pytest.approx(-2.0)
-    assert np.isnan(found.values("X.error")).all() and found.ticks.tolist() == [7]
+    counts = np.array([[0, 0, 0, 0, 0], [200_000, 0, 0, 0, -400_000]])
+    found = Signals(signals.rows_of_setpoints(counts, MACHINE), MACHINE)
+    assert found.values("X.command") == pytest.approx([0.0, 1.0])
+    assert found.values("C.command") == pytest.approx([0.0, -2.0])
+    assert np.isnan(found.values("X.error")).all() and found.ticks.tolist() == [0, 1]

@@ -9,11 +9,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from support.machines.edited_records import rewrite_setpoints
 from typer.testing import CliRunner
 
 from controller import __main__ as command_line
 from controller.api.service_sync import Gatherer
 from controller.api.store import Store
+from controller.state.setpoints import SETPOINTS
 
 RUNS = Path(__file__).resolve().parents[2] / "data" / "runs"
 WHOLE, CUT_OFF = RUNS / "restart_behind_a_line", RUNS / "emergency_stop"
@@ -33,17 +35,17 @@ def replayed(*words: str | Path) -> tuple[int, dict[str, Any]]:
 
 
 def changed(record: Path, tick: int, axis: int, counts: int) -> None:
-    with np.load(record / "setpoints.npz") as kept:
-        columns, rows = kept["columns"], np.array(kept["rows"])
-    rows[tick, 1 + axis] += counts
-    np.savez_compressed(record / "setpoints.npz", columns=columns, rows=rows)
+    rows = np.array(SETPOINTS.read(record))
+    rows[tick, axis] += counts
+    rewrite_setpoints(record, rows)
 
 
 def test_the_same_setpoints_are_said_in_a_sentence_and_every_tick_may_be_kept(tmp_path: Path) -> None:
     trace = tmp_path / "again.npz"
     done = CliRunner().invoke(command_line.app, ["replay", str(WHOLE), "--trace", str(trace)])
-    with np.load(WHOLE / "setpoints.npz") as kept:
-        ticks = len(kept["rows"])
+    found = SETPOINTS.read(WHOLE)
+    assert found is not None
+    ticks = len(found)
     said = " ".join(done.stdout.split())
     assert done.exit_code == 0
     assert f"The same setpoints, bit for bit: {ticks} of {ticks} ticks ({ticks * 0.005:.3f} s)." in said

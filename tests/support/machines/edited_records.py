@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from controller import sealed_file
+from controller.state import record_files
 from controller.state.setpoints import SETPOINTS
 
 
@@ -27,4 +28,4 @@ def rewrite(file: Path, lines: Iterable[dict[str, Any]]) -> None:
 def rewrite_setpoints(folder: Path, rows: np.ndarray, first: int = 0) -> None:
     """These counts (N, 5) instead of a packed segment of the record."""
     with (folder / SETPOINTS.name(first)).open("wb") as file:
-        SETPOINTS.pack(file, first, rows, folder.name)
+        SETPOINTS.pack(file, first, rows, str(record_files.facts(folder).get("id", folder.name)))
