@@ -95,7 +95,7 @@ except CommandRefused as error:
 desk.close(), service.close()
 modes = Modes(SimpleNamespace(drives=[], chatter=None), 0.002)
 made["tick"] = modes.request(Request.QUIET_RAPIDS, 1.0, standing=False), modes.quiet_rapids, modes.switched
-made["status"] = live_state.told(live_state.blank()._replace(switched=256))["quiet_rapids"]
+made["status"] = live_state.status_values(live_state.blank()._replace(switched=256))["quiet_rapids"]
 made["replayed"] = events.REQUESTS["quiet_rapids"].name
 found = next(route for path, route in routes() if path.endswith("/quiet_rapids"))
 made["rule"] = [rule_of(found)[0].label, rule_of(found)[1]]

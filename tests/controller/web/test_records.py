@@ -107,5 +107,5 @@ def test_the_record_of_a_run_is_kept_and_let_go_by_one_button(page: Any, site: S
     page.click("#run-keep:has-text('Keep record')")
     page.click("#run-keep:has-text('Keep no longer')")
     page.wait_for_selector("#run-keep:has-text('Keep record')")
-    asked = [values for _, verb, values in site.asked("keep_run")]
+    asked = [values for _, verb, values in site.commands("keep_run")]
     assert asked == [{"record": record, "on": True}, {"record": record, "on": False}]

@@ -72,7 +72,7 @@ def test_a_value_that_the_tick_newly_tells_is_shown_under_its_name(looker: Any, 
     looker.wait_for_selector(".drives-tick dt:text-is('syncs') + dd:text-is('4711')")
     stepped.tell()
     looker.wait_for_selector(".drives-tick dt:text-is('syncs')", state="detached")
-    assert looker.locator(".drives-tick dt").count() == 6
+    assert looker.locator(".drives-tick dt").count() == 7
 
 
 def test_only_the_drives_that_home_are_said_to_be_homing(looker: Any, stepped: Site) -> None:
