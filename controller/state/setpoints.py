@@ -15,6 +15,7 @@ version has one segment: plain rows, each with its tick before it, under ``rows`
 
 from __future__ import annotations
 
+import contextlib
 import struct
 import zlib
 from collections.abc import Iterator
@@ -132,7 +133,7 @@ class Table(NamedTuple):
         for segment in self.segments(folder):
             if segment.first > tick and not spoilt:
                 yield self._nothing(Segment(tick, folder / self.name(tick)), message("segment.missing"))
-            piece = self.piece(segment, str(facts.get("id", folder.name)))
+            piece = self.piece(segment, self._record_of(facts, folder))
             if segment.first < tick:
                 piece = self._nothing(
                     Segment(tick, segment.file), message("segment.overlaps", tick=segment.first)
@@ -141,6 +142,13 @@ class Table(NamedTuple):
             tick, spoilt = piece.end, piece.spoilt is not None
         if tick and not spoilt and tick < int(facts.get("ticks", 0)):
             yield self._nothing(Segment(tick, folder / self.name(tick)), message("segment.missing"))
+
+    def _record_of(self, facts: dict[str, Any], folder: Path) -> str:
+        """Whose segments are in a folder; where files of a run were copied alone, the first one says so."""
+        whole = [] if facts else [one.file for one in self.segments(folder) if one.file.suffix == WHOLE]
+        with contextlib.suppress(OSError, ValueError, KeyError, IndexError):
+            return str(npz.read(whole[0])["record"])
+        return str(facts.get("id", folder.name))
 
     def piece(self, segment: Segment, record: str) -> Piece:
         """What is sound of a segment; ``record``: that it is to be of."""
@@ -220,7 +228,7 @@ class Table(NamedTuple):
         facts, segments = record_files.known(folder), self.segments(folder)
         if not segments:
             return 0
-        last = self.piece(segments[-1], str(facts.get("id", folder.name)))
+        last = self.piece(segments[-1], self._record_of(facts, folder))
         return max(last.end, int(facts.get("ticks", 0)))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -180,3 +181,11 @@ def test_what_an_older_version_has_written_is_read(tmp_path: Path) -> None:
     np.savez_compressed(tmp_path / "setpoints.npz", columns=np.array(["tick", *SETPOINTS.columns]), rows=rows)
     np.testing.assert_array_equal(SETPOINTS.read(tmp_path), counts())
     assert ACTUAL.read(tmp_path) is None and SETPOINTS.ticks(tmp_path) == TICKS
+
+
+def test_files_of_a_run_are_read_where_they_were_copied_alone(tmp_path: Path) -> None:
+    """As a browser saves them: nothing beside them says of which run they are."""
+    run = Path(__file__).resolve().parents[2] / "data" / "runs" / "jog_aside"
+    shutil.copy(run / "setpoints.npz", tmp_path)
+    found, whole = SETPOINTS.read(tmp_path), SETPOINTS.read(run)
+    assert found is not None and whole is not None and np.array_equal(found, whole)
