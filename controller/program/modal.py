@@ -156,6 +156,15 @@ class State(NamedTuple):
 TURNS = {1: "M3", -1: "M4"}  # by the sense in which the spindle turns
 
 
+def turning_refusal(machine: Machine, tool: int, sense: int, rev_min: float) -> Message | None:
+    """Why the spindle must not turn so fast with this tool in it; None: it may. ``sense``: of ``TURNS``."""
+    if not machine.may_turn(tool):
+        return message("spindle.must_stand", code=TURNS[sense], tool=tool)
+    if rev_min > (most := machine.max_rev_min(tool)):
+        return message("spindle.too_fast_for_tool", speed=rev_min, tool=tool, most=most)
+    return None
+
+
 def power_on() -> State:
     """T1 in the spindle, G17 G21 G40 G49 G54 G61 G90 G94, spindle and coolant off (DESIGN 1)."""
     return State(Modal(TOOL_AT_POWER_ON, 0, Side.RIGHT, 0.0, True, 0.0, 0.0, None, 0.0, 0))

@@ -8,7 +8,17 @@ from controller.machine.model import OFFSETS, Machine, Spindle
 from controller.messages import Key, message
 from controller.program import output_words, planar_words, tool_change_words
 from controller.program.codes import SURFACES, ParsedLine
-from controller.program.modal import BLU_PER_MM, FEEDS, INCHES, TIPS, TURNS, State, dwell_s, tool_list
+from controller.program.modal import (
+    BLU_PER_MM,
+    FEEDS,
+    INCHES,
+    TIPS,
+    TURNS,
+    State,
+    dwell_s,
+    tool_list,
+    turning_refusal,
+)
 from controller.program.program import (
     Act,
     Action,
@@ -257,15 +267,11 @@ class _Settings:
             raise self.ask.refusal(word, "spindle.none")
         return self._machine.spindle
 
-    def _check_turning(self, turning: int, tool: int, word: Word) -> None:
+    def _check_turning(self, sense: int, tool: int, word: Word) -> None:
         """The spindle may turn as the state says with this tool in it. Raises ProgramError."""
-        if not turning:
-            return
-        if not self._machine.may_turn(tool):
-            raise self.ask.refusal(word, "spindle.must_stand", code=TURNS[turning], tool=tool)
-        speed, most = self.state.speed_rev_min, self._machine.max_rev_min(tool)
-        if speed > most:
-            raise self.ask.refusal(word, "spindle.too_fast_for_tool", speed=speed, tool=tool, most=most)
+        why = turning_refusal(self._machine, tool, sense, self.state.speed_rev_min) if sense else None
+        if why is not None:
+            raise self.ask.refusal(word, str(why["key"]), **why["values"])
 
     def _turn_spindle(self, turning: int, word: Word) -> None:
         tool = self.state.modal.tool

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 
 from controller.machine.model import Machine
-from controller.messages import Key, message
+from controller.messages import Key, Message, message
 from controller.plan.stretch import Chain, Note, Pause
 from controller.program import modal
 from controller.program.program import Act, Modal, ProgramError
@@ -26,8 +26,8 @@ def stopped(
 ) -> Iterator[Chain | Pause]:
     """The path with a stop behind every change to another tool than the one that is there.
 
-    Where that one must not turn it is changed before the spindle does; a line by hand that names no
-    tool is refused (ProgramError, with the ``name`` of the program).
+    Where that one must not turn, or not so fast, it is changed before the spindle does; a line by hand
+    that names no tool is refused (ProgramError, with the ``name`` of the program).
 
     ``before``: the state in which the path begins; None: that of a whole program. ``typed`` by hand:
     until it names a tool it means the one that is there. ``note`` is told of every stop.
@@ -39,12 +39,10 @@ def stopped(
     state, is_open = before or modal.power_on().modal, 0
     asks = not typed
     for item in items:
-        turns = isinstance(item, Pause) and item.modal.spindle_rev_min and not machine.may_turn(in_spindle)
-        if isinstance(item, Pause) and turns and not asks:
-            code = modal.TURNS[1 if item.modal.spindle_rev_min > 0.0 else -1]
-            why = message("spindle.must_stand", code=code, tool=in_spindle)
+        why = _turning_refusal(item, machine, in_spindle) if isinstance(item, Pause) else None
+        if isinstance(item, Pause) and why is not None and not asks:
             raise ProgramError(name, item.place.line, item.place.column, why)
-        if isinstance(item, Pause) and not turns:
+        if isinstance(item, Pause) and why is None:
             yield item
             state, is_open = item.modal, item.open_clamps
             asks = asks or item.act is Act.TOOL
@@ -52,7 +50,7 @@ def stopped(
                 continue
             place = item.place
         else:
-            if not turns and (state.tool == in_spindle or not asks):
+            if why is None and (state.tool == in_spindle or not asks):
                 yield item
                 continue
             place = item.place if isinstance(item, Pause) else item.stretches[0].place
@@ -60,11 +58,19 @@ def stopped(
         note(Note(place, message("note.stops_for", tool=_named(state.tool, machine))))
         yield Pause(place, state, act=Act.STOP, open_clamps=is_open)
         in_spindle = state.tool
-        if isinstance(item, Pause) and not turns:
+        if isinstance(item, Pause) and why is None:
             continue
         yield item
         if isinstance(item, Pause):
             state, is_open = item.modal, item.open_clamps
+
+
+def _turning_refusal(pause: Pause, machine: Machine, in_spindle: int) -> Message | None:
+    """Why the spindle must not turn as it does from here on with the tool that is there; None: it may."""
+    rev_min = pause.modal.spindle_rev_min
+    if not rev_min:
+        return None
+    return modal.turning_refusal(machine, in_spindle, 1 if rev_min > 0.0 else -1, abs(rev_min))
 
 
 def _named(number: int, machine: Machine) -> str:

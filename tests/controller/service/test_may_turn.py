@@ -121,3 +121,15 @@ def test_by_hand_a_tool_is_turned_no_faster_than_it_bears(tmp_path: Path) -> Non
     service.set_up.put_in(3)
     done(commands, "spindle", rev_min=801.0)
     assert asked == [Request.SPINDLE, Request.SPINDLE]
+
+
+def test_a_line_by_hand_means_the_slow_tool_that_is_there() -> None:
+    with pytest.raises(ProgramError) as found:
+        acts("S900 M3\n", SLOW, in_spindle=2, typed=True)
+    assert found.value.said["key"] == "spindle.too_fast_for_tool"
+    assert acts("S800 M4\n", SLOW, in_spindle=2, typed=True) == [(Act.SPINDLE, -800.0)]
+
+
+def test_a_program_asks_for_its_tool_before_the_slow_one_that_is_there_turns_too_fast() -> None:
+    found = acts("S900 M3\nG1 X5 F100\n", SLOW, in_spindle=2)
+    assert found[:3] == [(Act.TOOL, 0.0), (Act.STOP, 0.0), (Act.SPINDLE, 900.0)]
