@@ -8,7 +8,7 @@ import os
 import sqlite3
 import stat
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -68,6 +68,14 @@ def transaction(sql: sqlite3.Connection) -> Iterator[sqlite3.Connection]:
         with contextlib.suppress(sqlite3.Error):
             sql.execute("ROLLBACK")
         raise
+
+
+def migrate(sql: sqlite3.Connection, steps: Sequence[str], version: int) -> None:
+    """The schema from this version to the newest, in a transaction; step n makes version n + 1."""
+    for step in steps[version:]:
+        for statement in step.split(";\n"):
+            sql.execute(statement)
+    sql.execute(f"PRAGMA user_version = {len(steps)}")
 
 
 def _stat(name: str, at: int) -> os.stat_result:

@@ -267,13 +267,11 @@ def _migrate(database: Database) -> bool:
     if version > 0:
         _copy_beside(database, version)
     with database.write() as sql:
-        for step in MIGRATIONS[_version(database) :]:  # again: another process may have been quicker
-            for statement in step.split(";\n"):
-                sql.execute(statement)
+        # again: another process may have been quicker
+        own_database.migrate(sql, MIGRATIONS, _version(database))
         if 0 < version < MARKED and not log_in_marker.is_there(database.file.parent):
             users = sql.execute("SELECT count(*) FROM users").fetchone()[0]
             log_in_marker.write(database.file.parent, users)
-        sql.execute(f"PRAGMA user_version = {newest}")
     return True
 
 

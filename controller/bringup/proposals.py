@@ -13,7 +13,8 @@ Rules of the trade, with their reasons:
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+import statistics
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -150,15 +151,9 @@ def unequal(lags_s: Mapping[str, float]) -> list[Message]:
     """Axes that lag differently from most of the others: they bend a path that they move together."""
     if len(lags_s) < 2:
         return []
-    usual = _median(list(lags_s.values()))
+    usual = statistics.median(lags_s.values())
     return [
         message("bringup.unequal", axis=name, lag_ms=1e3 * lag, usual_ms=1e3 * usual)
         for name, lag in lags_s.items()
         if abs(lag - usual) > UNEQUAL * max(usual, 1e-3)
     ]
-
-
-def _median(values: Sequence[float]) -> float:
-    ordered = sorted(values)
-    middle = len(ordered) // 2
-    return ordered[middle] if len(ordered) % 2 else 0.5 * (ordered[middle - 1] + ordered[middle])

@@ -229,26 +229,20 @@ class ServiceStore:
         """Takes out what is damaged; what an alarm says of it. Raises sqlite3.Error, also where something
         damaged is left, and OSError.
         """
-        sql.execute("BEGIN IMMEDIATE")
-        try:
+        with own_database.transaction(sql):
             words, rows = sealed_rows.broken(sql), sealed_rows.damaged(sql)
-            losses = []
-            if words or rows:
-                aside = own_files.aside(self.file)
-                atomic_file.write(aside, sql.serialize())
-                sealed_rows.index_anew(sql)
-                rows = sealed_rows.damaged(sql)
-                sealed_rows.take_out(sql, rows)
-                sql.execute(_NOT_KNOWN)
-                if left := sealed_rows.broken(sql):
-                    raise sqlite3.DatabaseError(left[0])
-                what = sealed_rows.summary(rows, words)
-                losses = [message("store_damaged", file=self.file, what=what, aside=aside.name)]
-            sql.execute("COMMIT")
-        except BaseException:
-            sql.execute("ROLLBACK")
-            raise
-        return losses
+            if not words and not rows:
+                return []
+            aside = own_files.aside(self.file)
+            atomic_file.write(aside, sql.serialize())
+            sealed_rows.index_anew(sql)
+            rows = sealed_rows.damaged(sql)
+            sealed_rows.take_out(sql, rows)
+            sql.execute(_NOT_KNOWN)
+            if left := sealed_rows.broken(sql):
+                raise sqlite3.DatabaseError(left[0])
+        what = sealed_rows.summary(rows, words)
+        return [message("store_damaged", file=self.file, what=what, aside=aside.name)]
 
     # -- the copy
 
@@ -360,14 +354,6 @@ def _migrate(sql: sqlite3.Connection, file: Path) -> bool:
         return False
     if version > newest:
         raise ConfigError(message("store.schema", file=file, version=version, newest=newest))
-    sql.execute("BEGIN IMMEDIATE")
-    try:
-        for step in MIGRATIONS[version:]:
-            for statement in step.split(";\n"):
-                sql.execute(statement)
-        sql.execute(f"PRAGMA user_version = {newest}")
-        sql.execute("COMMIT")
-    except BaseException:
-        sql.execute("ROLLBACK")
-        raise
+    with own_database.transaction(sql):
+        own_database.migrate(sql, MIGRATIONS, version)
     return True
