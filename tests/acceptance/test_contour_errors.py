@@ -34,7 +34,7 @@ def assert_all_told(seed: int | str, count: int) -> None:
 
 
 def test_what_lost_setpoints_cost_is_told_with_place_and_axis() -> None:
-    assert_all_told(24, 12)
+    assert_all_told(24, 20)
 
 
 @pytest.mark.slow

@@ -76,7 +76,7 @@ def assert_at_feed(done: Cut, share: float = 1.0) -> None:
         assert speeds(done, stretch, i).max() <= 1.0005 * share * stretch.feed_mm_s
 
 
-@pytest.mark.parametrize("feed", [pytest.param("300.", marks=pytest.mark.slow), "1500."])
+@pytest.mark.parametrize("feed", [pytest.param("100.", marks=pytest.mark.slow), "1500."])
 @pytest.mark.parametrize("name", ["example1_ready", "example2_ready"])
 def test_the_ready_examples_begin_and_end_at_their_feed(name: str, feed: str) -> None:
     source = machine_file.shipped_program(name).read_text()

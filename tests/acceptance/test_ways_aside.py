@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import pytest
 from support.machines.held_walls import HEIGHT_MM, KINDS, OLD, Came, Held, Part, machine
-from support.suite.seed import SEED
 
 from controller.machine.model import Tool
 
@@ -131,14 +130,14 @@ def held_at_random(bench: Held, seed: int, count: int, kind: str) -> tuple[int, 
     return count - refused, refused
 
 
-@pytest.mark.parametrize("kind", sorted(random.Random(SEED).sample(KINDS, 4)))
+@pytest.mark.parametrize("kind", KINDS)
 def test_holds_at_random_places_of_walls_and_lines(bench: Held, kind: str) -> None:
     came, _ = held_at_random(bench, KINDS.index(kind), 1, kind)
     assert came
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(20, 125))
+@pytest.mark.parametrize("seed", range(20, 41))
 def test_hundreds_of_holds_at_random_places(bench: Held, seed: int) -> None:
-    came, _ = held_at_random(bench, seed, 5, KINDS[seed % len(KINDS)])
-    assert came
+    came, refused = held_at_random(bench, seed, 25, KINDS[seed % len(KINDS)])
+    assert came > refused, (came, refused)
