@@ -42,7 +42,9 @@ M30
 """
 TIPS_B = TIPS.replace(" A", " B")  # for machines with other rotaries
 CONE = """G21 G90 G54 G61 T2 M6
-G51 x7.5 y0. z-15. i0. j0. k-15. h15. r3.75 d200. F1200.
+S6000 M3
+G51 x7.5 y0. z-14. i0. j0. k-14. h14. r3.75 d200. F1200.
+M5
 M30
 """
 CHANGES = """G21 G90 G54 T1 M6
@@ -68,11 +70,8 @@ RULED = "example2_ready.ngc"  # of the shipped programs
 
 
 def ruled() -> str:
-    """Two ruled surfaces, faster than the paper's, and with a cutter whose placement takes no search.
-
-    Without its spindle, which an operator would have to switch.
-    """
-    return program(RULED, "1500.").replace("S12000 M3", "").replace("N220 M5\n", "")
+    """Two ruled surfaces, faster than the paper's, and with a cutter whose placement takes no search."""
+    return program(RULED, "1500.")
 
 
 # -- live: processes of their own, in real time
@@ -84,6 +83,12 @@ def cutting(service: Serving, line: int) -> None:
 
 def held(service: Serving) -> None:
     service.until(lambda now: now["mode"] == "HOLD" and now["at_rest"])
+
+
+def spindle_switched(service: Serving) -> None:
+    """The operator has switched it as the stop asks."""
+    service.until(lambda now: now["spindle_change"])
+    service.ask("resume")
 
 
 def begun(service: Serving, text: str, tool: int) -> None:
@@ -107,6 +112,7 @@ def override_before_the_start(service: Serving) -> None:
 
 def hold_and_resume_on_ruled_surfaces(service: Serving) -> None:
     begun(service, ruled(), 2)
+    spindle_switched(service)
     cutting(service, 10)
     service.ask("hold")
     held(service)
@@ -161,6 +167,7 @@ def killed_plan(service: Serving) -> None:
 
 def emergency_stop(service: Serving) -> None:
     begun(service, CONE, 2)
+    spindle_switched(service)
     cutting(service, 3)
     service.until(lambda now: now["job"]["elapsed_s"] > 2.0)
     service.ask("estop")
