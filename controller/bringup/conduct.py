@@ -34,6 +34,7 @@ OFF_S = 1.0  # that a drive is off while its brake is looked at
 CHANNELS = (1, 2)  # of safe torque off
 RADIUS_MM = 20.0
 CIRCLE_SHARES = (0.05, 0.1, 0.25)  # of the largest speed
+ROUND_MM = 0.05  # most by which a circle may be off its radius, where the machine file holds no tolerance
 SPINDLE_SHARES = (0.25, 0.5, 1.0)  # of the largest speed
 SPIN_MARGIN = 1.5  # of ``spin_up_s`` beside what was measured
 STOPS_AT_WINDOW = 0.5  # of the following error: speed is raised no further
@@ -251,7 +252,7 @@ def _circle(step: Step, site: Site) -> Outcome:
         raise NotDone(error.said) from error
     off = max(abs(float(np.hypot(*one.path.T).max() - one.radius_mm)) for one in found)
     off = max(off, *(abs(float(np.hypot(*one.path.T).min() - one.radius_mm)) for one in found))
-    most = site.bench.machine.tolerance_mm or math.inf
+    most = site.bench.machine.tolerance_mm or ROUND_MM
     outcome = Outcome(off <= most, measured={"off_mm": off})
     outcome.figures.append(
         message("bringup.figure.circle", value=1e3 * off, g=told.get("G_bidirectional_um", 0.0))
