@@ -119,7 +119,7 @@ def hurt(kind: Kind, state: Path, times: int, rng: random.Random) -> int:
     """How often something was reported."""
     state.mkdir()
     file = kind.make(state)
-    sealed_file.adopt(state, owners.SEALED)  # as each start of a service does
+    sealed_file.mark(state, owners.SEALED)  # as each start of a service does
     whole, known, words = file.read_bytes(), kind.read(state), 0
     assert known is not None
     for _ in range(times):

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from support import older_state
 from support.fakes.fake_engine import served
 from support.machines import changer_bench
 from support.suite.seed import SEED
@@ -21,7 +22,7 @@ from controller import sealed_file
 from controller.__main__ import app
 from controller.api.store import Store
 from controller.cli import recorded_runs, state
-from controller.machine import arrangement, setup_data
+from controller.machine import arrangement
 from controller.messages import message
 from controller.plan.report import stored
 from controller.runtime import events
@@ -29,6 +30,8 @@ from controller.runtime.starts import Start
 from controller.service import runs
 from controller.service.journal import sha256
 from controller.state.setpoints import SETPOINTS
+from controller.store import service_store
+from controller.store.set_up_store import FITTING
 from controller.verify.console import Refused
 from drives.arranged import Arranged
 
@@ -43,7 +46,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     service = served(folder, MACHINE)
     state = service.state
     for number in (1.0, 2.0):
-        setup_data.save(state, {"parameters": {"500": number}})
+        service_store.put(state, FITTING, {"parameters": {"500": number}})
     service.alarms.add("TEST", message("stopped"))
     assert service.changer is not None
     service.changer.store.confirm({1: 1, 2: 0})
@@ -86,8 +89,6 @@ def test_what_is_whole_is_ok_and_nothing_is_changed(copied: Path) -> None:
     }
     found = {one["file"]: one["condition"] for one in asked(copied, 0)}
     wanted = {
-        "fitting.json",
-        "fitting.json.before",
         "machine.json",
         "service.sqlite",
         "store.sqlite",
@@ -126,6 +127,8 @@ def test_every_file_that_it_lists_is_damaged_by_a_bit_and_then_alone(copied: Pat
 
 
 def test_a_file_that_is_gone_beside_the_one_before_it_is_damaged(copied: Path) -> None:
+    older_state.write(copied / "fitting.json", {})
+    older_state.write(copied / "fitting.json", {})
     (copied / "service.sqlite.before").write_bytes((copied / "service.sqlite").read_bytes())
     for name in ("fitting.json", "service.sqlite"):
         (copied / name).unlink()
@@ -149,8 +152,6 @@ def test_a_row_and_what_was_written_ahead_are_looked_at(copied: Path) -> None:
 
 
 def test_older_files_are_said_to_be_older_in_words_too(copied: Path) -> None:
-    for name in ("fitting.json", "fitting.json.before", "sealed"):
-        (copied / name).unlink()
     (copied / "fitting.json").write_text('{"parameters": {"500": 1.0}}')
     assert {one["file"] for one in asked(copied, 0) if one["condition"] == "older"} == {"fitting.json"}
     (copied / "usage.json").write_text("{")
