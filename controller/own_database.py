@@ -17,6 +17,7 @@ from controller import own_files
 from drives.texts import message
 
 BESIDE = ("-wal", "-shm")
+MODE, SHARED_MODE = 0o640, 0o660  # SQLite gives -wal and -shm the same
 WAIT_S = 10.0  # for another process to end its transaction; all of them are short
 
 
@@ -41,7 +42,7 @@ def opened(file: Path, shared: bool = False) -> sqlite3.Connection:
     """
     with own_files.folder(file.parent) as at:
         with contextlib.suppress(FileExistsError):
-            mode = 0o660 if shared else 0o640  # SQLite gives -wal and -shm the same
+            mode = SHARED_MODE if shared else MODE
             made = os.open(file.name, os.O_RDWR | os.O_CREAT | os.O_EXCL | own_files.FLAGS, mode, dir_fd=at)
             os.fchmod(made, mode)
             own_files.give(made, at)

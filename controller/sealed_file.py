@@ -63,7 +63,7 @@ def read(
     """
     values, seal = _parted(file, name, within, shared, older)
     if seal is None:
-        if _must_have_one(file):
+        if is_marked(file):
             raise Damaged(message("sealed.none"))
         return values
     earlier = None
@@ -128,7 +128,7 @@ def _of_line(text: bytes | str, file: Path | None, number: int) -> dict[str, Any
     except (ValueError, TypeError, RecursionError) as error:
         raise Damaged(message("sealed.unread", why=str(error))) from error
     found = whole.pop(SUM, None)
-    if found is None and (file is None or _must_have_one(file)):
+    if found is None and (file is None or is_marked(file)):
         raise Damaged(message("sealed.none"))
     if found is not None and found != _sum("", number, 0, whole):
         raise Damaged(message("sealed.other"))
@@ -136,10 +136,15 @@ def _of_line(text: bytes | str, file: Path | None, number: int) -> dict[str, Any
 
 
 def mark(folder: Path, names: Iterable[str]) -> None:
-    """From now on files of these names that have no seal are damaged. Raises OSError."""
+    """From now on files of these names are damaged where they have no seal, or are gone. Raises OSError."""
     marked = _marked(folder)
     if not marked.issuperset(names):
         atomic_file.write(folder / MARK, "".join(f"{name}\n" for name in sorted(marked.union(names))))
+
+
+def is_marked(file: Path) -> bool:
+    """Whether there was such a file, with a seal."""
+    return file.name.removesuffix(BEFORE) in _marked(file.parent)
 
 
 def is_sealed(file: Path, within: Path | None = None, shared: bool = False) -> bool:
@@ -150,10 +155,6 @@ def is_sealed(file: Path, within: Path | None = None, shared: bool = False) -> b
 def has_sum(text: bytes) -> bool:
     """Whether a line has one, be it right or wrong."""
     return f'"{SUM}": '.encode() in text
-
-
-def _must_have_one(file: Path) -> bool:
-    return file.name.removesuffix(BEFORE) in _marked(file.parent)
 
 
 def _marked(folder: Path) -> set[str]:

@@ -99,6 +99,7 @@ class ServiceStore:
         self._is_older = False  # than what was written last: a copy, or without what was written ahead
         self._lost: set[str] = set()  # tables of which rows were taken out
         own_files.make_folder(folder)
+        self._was_there = sealed_file.is_marked(self.file)
         try:
             self._sql = self._opened()
         except OSError as error:
@@ -110,6 +111,7 @@ class ServiceStore:
             sql.execute("INSERT INTO starts VALUES (1, 1) ON CONFLICT (id) DO UPDATE SET count = count + 1")
             if self.losses:
                 sql.execute(_NOT_KNOWN)
+            sealed_file.mark(folder, [FILE])
         self._copy_beside()
         self._put_by()
 
@@ -201,8 +203,6 @@ class ServiceStore:
         """The file; where it is damaged its copy instead, else one that is new. Raises OSError."""
         for _ in range(2):
             try:
-                if not os.path.lexists(self.file) and os.path.lexists(self._copy):
-                    raise sealed_file.Damaged(message("sealed.gone"))
                 return self._sound()
             except sealed_file.Damaged as error:
                 self._replace(error.said)
@@ -214,16 +214,20 @@ class ServiceStore:
 
     def _sound(self) -> sqlite3.Connection:
         """Raises sealed_file.Damaged, sqlite3.Error, OSError."""
+        if not os.path.lexists(self.file) and (self._was_there or os.path.lexists(self._copy)):
+            raise sealed_file.Damaged(message("sealed.gone"))
         sql = own_database.opened(self.file)
         try:
             if own_database.has_lost(sql, self.file):
                 ahead = self.file.with_name(f"{FILE}-wal")
                 aside = own_files.aside(ahead)
-                atomic_file.write(aside, own_files.read_bytes(ahead))
+                atomic_file.write(aside, own_files.read_bytes(ahead), mode=own_database.MODE)
                 sql.execute("PRAGMA wal_checkpoint(TRUNCATE)")
                 what = message("cli.state.lost")
                 self.losses.append(message("store_damaged", file=self.file, what=what, aside=aside.name))
                 self._is_older = True
+            if self._was_there and not _version(sql):
+                raise sealed_file.Damaged(message("sealed.empty"))
             sealed_rows.seal(sql, anew=_migrate(sql, self.file))
             self.losses += self._taken_out(sql)
             if not self.losses and _starts(sql) < self._starts_of_copy():
@@ -242,7 +246,7 @@ class ServiceStore:
             if not words and not rows:
                 return []
             aside = own_files.aside(self.file)
-            atomic_file.write(aside, sql.serialize())
+            atomic_file.write(aside, sql.serialize(), mode=own_database.MODE)
             sealed_rows.index_anew(sql)
             rows = sealed_rows.damaged(sql)
             sealed_rows.take_out(sql, rows)
@@ -264,7 +268,7 @@ class ServiceStore:
         with contextlib.suppress(OSError, sqlite3.Error):
             with self._lock:
                 data = self._sql.serialize()
-            atomic_file.write(self._copy, data)  # while others write on
+            atomic_file.write(self._copy, data, mode=own_database.MODE)  # while others write on
 
     def _starts_of_copy(self) -> int:
         """0: there is none that can be read."""
@@ -280,6 +284,7 @@ class ServiceStore:
             own_files.put_aside(self.file.with_name(f"{FILE}{end}"))
         named = aside.name if aside else ""
         if not os.path.lexists(self._copy):
+            self._was_there = False
             self.losses.append(sealed_file.begun_anew(self.file, why, named))
             return
         at_s = self._copy.lstat().st_mtime
@@ -384,9 +389,14 @@ def _starts(sql: sqlite3.Connection) -> int:
     return int(row[0]) if row is not None else 0
 
 
+def _version(sql: sqlite3.Connection) -> int:
+    """Of the schema; 0: it is empty."""
+    return int(sql.execute("PRAGMA user_version").fetchone()[0])
+
+
 def _migrate(sql: sqlite3.Connection, file: Path) -> bool:
     """Brings the schema to this version; whether it was another. Raises ConfigError for a newer one."""
-    version, newest = int(sql.execute("PRAGMA user_version").fetchone()[0]), len(MIGRATIONS)
+    version, newest = _version(sql), len(MIGRATIONS)
     if version == newest:
         return False
     if version > newest:

@@ -440,6 +440,20 @@ def test_nothing_starts_with_damaged_offsets_or_an_unknown_tool_before_somebody_
     desk.close()
 
 
+def test_nothing_starts_once_the_whole_store_is_gone_before_somebody_has_confirmed_it(folder: Path) -> None:
+    for file in (folder / "state").glob(f"{service_store.FILE}*"):
+        file.unlink()
+    service = served(folder, MACHINE)
+    (alarm,) = service.alarms.list()
+    assert (alarm["name"], alarm["key"]) == (alarms.DAMAGE, "file_gone")
+    assert service.changer is not None and not service.changer.store.known and service.set_up.tool == 0
+    with pytest.raises(CommandRefused, match="onfirm alarm"):
+        NEEDS["damage"](service, COMMANDS["start"], {})
+    service.alarms.acknowledge(alarm["id"])
+    NEEDS["damage"](service, COMMANDS["start"], {})
+    service.close()
+
+
 def test_tools_of_which_a_bad_bit_has_cost_the_last_step_must_be_confirmed(folder: Path) -> None:
     state, name = folder / "state", service_store.FILE
     with contextlib.closing(StoredTools(state)) as tools:

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import contextlib
 import json
+import os
 import random
 import shutil
 import tarfile
+import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +20,7 @@ from support.machines import changer_bench
 from support.suite.seed import SEED
 from typer.testing import CliRunner
 
-from controller import sealed_file
+from controller import own_database, sealed_file
 from controller.__main__ import app
 from controller.api.store import Store
 from controller.cli import recorded_runs, state
@@ -36,6 +38,7 @@ from controller.verify.console import Refused
 from drives.arranged import Arranged
 
 MACHINE = changer_bench.machine()
+NOBODY = 65534
 NET = Path(__file__).parents[2] / "data" / "net"
 
 
@@ -133,8 +136,8 @@ def test_a_file_that_is_gone_beside_the_one_before_it_is_damaged(copied: Path) -
     for name in ("fitting.json", "service.sqlite"):
         (copied / name).unlink()
         assert name in {one["file"] for one in asked(copied, 1) if one["condition"] == "damaged"}
-        (copied / f"{name}.before").unlink()
-        assert name not in {one["file"] for one in asked(copied, 0)}
+        shutil.move(copied / f"{name}.before", copied / name)
+    assert asked(copied, 0)
 
 
 def test_a_row_and_what_was_written_ahead_are_looked_at(copied: Path) -> None:
@@ -218,3 +221,44 @@ def test_a_segment_of_a_record_is_named_that_is_damaged_or_gone(copied: Path) ->
     found = [one for one in asked(copied, 1) if one["condition"] == "damaged"]
     names = [f"runs/{folder.name}/{SETPOINTS.name(first)}" for first in (4, 8)]
     assert [one["file"] for one in found] == names and found[0]["why"] == "it is missing"
+
+
+def test_a_store_that_is_gone_with_its_copy_is_damaged(copied: Path) -> None:
+    for file in copied.glob("service.sqlite*"):
+        file.unlink()
+    assert [one["file"] for one in asked(copied, 1) if one["condition"] == "damaged"] == ["service.sqlite"]
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="needs root, to become another user")
+def test_who_may_only_read_a_store_is_told_what_is_true_of_it(whole: Path) -> None:
+    """As another user: nothing of root is left in a child."""
+    with tempfile.TemporaryDirectory(dir="/tmp") as made:
+        os.chmod(made, 0o755)
+        folder = Path(shutil.copytree(whole, Path(made) / "state"))
+        service_store.put(folder, "probed", [])
+        killed = own_database.opened(folder / "service.sqlite")  # what is written ahead stays
+        killed.execute("UPDATE starts SET count = count")
+        for path in (folder, *folder.rglob("*")):
+            path.chmod(0o755 if path.is_dir() else 0o644)
+        before = {path: path.stat().st_mtime_ns for path in folder.rglob("*")}
+        assert conditions(folder)["service.sqlite"] == "ok"
+        (folder / "service.sqlite").chmod(0o600)
+        assert conditions(folder)["service.sqlite"] == "unread"
+        assert {path: path.stat().st_mtime_ns for path in folder.rglob("*")} == before
+        killed.close()
+
+
+def conditions(folder: Path) -> dict[str, str]:
+    """What one finds who is neither root nor the owner."""
+    ours, theirs = os.pipe()
+    if (child := os.fork()) == 0:
+        os.setgroups([])
+        os.setgid(NOBODY)
+        os.setuid(NOBODY)
+        found = {one.file: one.condition for one in state.look(folder)}
+        os.write(theirs, json.dumps(found).encode())
+        os._exit(0)
+    os.close(theirs)
+    assert os.waitpid(child, 0)[1] == 0
+    with os.fdopen(ours) as found:
+        return dict(json.loads(found.read()))

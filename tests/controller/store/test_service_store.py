@@ -229,3 +229,19 @@ def test_nobody_else_is_needed_to_read_it(folder: Path) -> None:
         assert sql.execute(newest).fetchone() == ('{"n": 2}',)
         store.put("usage", {"n": 3})
         assert sql.execute(newest).fetchone() == ('{"n": 2}',), "all that is read is of one moment"
+
+
+@pytest.mark.parametrize("how", [os.unlink, lambda file: os.truncate(file, 0)])
+def test_a_store_that_is_gone_with_its_copy_is_not_taken_for_a_new_machines(folder: Path, how: Any) -> None:
+    for file in [folder / name for name in own_files.names(folder) if name.startswith(FILE)]:
+        how(file)
+    found, keys = lost(folder)
+    assert found is NONE and keys[-1] in ("file_gone", "file_damaged")
+    assert lost(folder) == (NONE, []), "it is said once"
+
+
+def test_nobody_but_the_owners_group_reads_the_store_or_a_copy_of_it(folder: Path) -> None:
+    changed(folder, "UPDATE alarms SET facts = '{}'")
+    assert lost(folder)[1]
+    modes = {file.name: file.stat().st_mode & 0o777 for file in folder.glob(f"{FILE}*")}
+    assert set(modes) >= {FILE, COPY, f"{FILE}.damaged1"} and set(modes.values()) == {0o640}, modes
