@@ -116,10 +116,12 @@ def of_line(text: bytes | str, file: Path | None = None, number: int = 0) -> dic
     """
     try:
         return _of_line(text, file, number)
-    except Damaged:
+    except Damaged as error:
         if text[-1:] in (b"\n", "\n"):
             raise
-        return _of_line(text[:-1], file, number)
+        with contextlib.suppress(Damaged):
+            return _of_line(text[:-1], file, number)
+        raise error
 
 
 def _of_line(text: bytes | str, file: Path | None, number: int) -> dict[str, Any]:

@@ -242,6 +242,9 @@ def _events(file: Path, state: Path) -> Condition:
     with contextlib.suppress(OSError, ValueError):  # which is a line of its own
         count = record_files.facts(file.parent, within=state).get(record_files.COUNT)
     found = events.recorded(file, count)
+    if found is not None and found.spoilt:
+        first = found.spoilt[0]
+        raise events.EventError(message("events.damaged", where=f"{file}:{first.number}", why=first.why))
     if found is None or not events.has_sums(file):
         return OLDER if file.stat().st_size else OK
     for name, wanted in (
