@@ -35,6 +35,8 @@ FILE = "service.sqlite"
 COPY = f"{FILE}{sealed_file.BEFORE}"  # as it was found sound last
 RESERVE = "reserve"
 RESERVE_BYTES = 1 << 20  # some thousand alarms
+AHEAD_PAGES = 100  # so much is written ahead, about: its place is written again, and needs no new one
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EIO)  # of a disk that may have room once the reserve is given up
 DOCUMENTS, GENERATIONS = "documents", 2  # of each the newest, and the one before
 T = TypeVar("T")
 
@@ -103,7 +105,7 @@ class ServiceStore:
         try:
             self._sql = self._opened()
         except OSError as error:
-            if error.errno not in (errno.ENOSPC, errno.EIO):
+            if error.errno not in FULL:
                 raise
             self.give_up_reserve()
             self._sql = self._opened()
@@ -150,6 +152,28 @@ class ServiceStore:
         """Keep a document, and its generation before. Raises OSError."""
         with self.write() as sql:
             put_document(sql, name, value)
+
+    def insist(self, work: Callable[[sqlite3.Connection], object]) -> None:
+        """A transaction of what is to be kept on a full disk, too. Raises OSError.
+
+        What was written ahead is taken into the file, so that its place is written again; where that is not
+        enough the reserve is given up.
+        """
+        for make_room in (self._take_in, self.give_up_reserve, None):
+            try:
+                with self.write() as sql:
+                    work(sql)
+                return
+            except OSError as error:
+                if make_room is None or error.errno not in FULL:
+                    raise
+            with contextlib.suppress(OSError):
+                make_room()
+
+    def _take_in(self) -> None:
+        """Raises OSError."""
+        with self._lock, self._of_the_disk():
+            self._sql.execute("PRAGMA wal_checkpoint(RESTART)")
 
     def rows(self, question: str, values: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
         """All rows of a SELECT. Raises OSError."""
@@ -226,6 +250,7 @@ class ServiceStore:
                 what = message("cli.state.lost")
                 self.losses.append(message("store_damaged", file=self.file, what=what, aside=aside.name))
                 self._is_older = True
+            sql.execute(f"PRAGMA wal_autocheckpoint = {AHEAD_PAGES}")
             if self._was_there and not _version(sql):
                 raise sealed_file.Damaged(message("sealed.empty"))
             sealed_rows.seal(sql, anew=_migrate(sql, self.file))
