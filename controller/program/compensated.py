@@ -10,9 +10,9 @@ from dataclasses import dataclass, replace
 from controller.geometry.vectors import ROUNDING
 from controller.machine.model import Machine
 from controller.messages import Message, message, text
-from controller.program.arc_words import PLANES
 from controller.program.contour import circles, ways
 from controller.program.contour.ways import Cut, Doubt, Way
+from controller.program.motion_words import PLANES
 from controller.program.position import Coordinate, Place3
 from controller.program.program import (
     Block,

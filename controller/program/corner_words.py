@@ -15,10 +15,10 @@ from typing import NamedTuple
 
 from controller.geometry.vectors import ROUNDING
 from controller.machine.model import Machine
-from controller.program.arc_words import PLANES
 from controller.program.contour import circles, ways
 from controller.program.contour.ways import Way
 from controller.program.line import Line
+from controller.program.motion_words import PLANES
 from controller.program.position import Place3
 from controller.program.program import Block, JointArc, JointLine, Modal, Place, ProgramError, Targets
 from controller.program.words import Word

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from types import MappingProxyType
 
 from controller.messages import Key
 from controller.program import output_words, polar_words
+from controller.program.motion_words import PLANES
 from controller.program.offset_words import Here
 from controller.program.position import Coordinate
 from controller.program.program import (
@@ -21,8 +21,6 @@ from controller.program.program import (
     Targets,
     Thread,
 )
-
-PLANES = MappingProxyType({"G17": (0, 1, 2), "G18": (2, 0, 1), "G19": (1, 2, 0)})
 
 
 class Way:

@@ -19,10 +19,11 @@ from types import MappingProxyType
 
 from controller.geometry.vectors import ROUNDING, Vector, angle_between
 from controller.messages import Key, chain, message
-from controller.program import line_words, output_words, thread_words
+from controller.program import motion_words, output_words, thread_words
 from controller.program.codes import CYCLES, ParsedLine
-from controller.program.cycle_way import PLANES, Way
+from controller.program.cycle_way import Way
 from controller.program.modal import Cycle, State, dwell_s
+from controller.program.motion_words import PLANES
 from controller.program.offset_words import Here
 from controller.program.position import Coordinate
 from controller.program.program import Block, Remark, Tip
@@ -126,7 +127,7 @@ def blocks(here: Here, code: str, word: Word) -> tuple[list[Block], State]:
     cycle, now = _cycle(here, code, word)
     feed = here.state.feed(here.ask, code, word)
     hole = "tap" if code in TAPS else "drill"
-    way = Way(here, here.ask.place(word), feed, line_words.targets(here), hole)
+    way = Way(here, here.ask.place(word), feed, motion_words.targets(here), hole)
     before = here.state.motion
     beneath = here.state.beneath if before in CYCLES else before
     state = here.state._replace(cycle=cycle, motion=code, beneath=beneath)

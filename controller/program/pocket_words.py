@@ -16,7 +16,7 @@ import math
 
 from controller.geometry.vectors import ROUNDING
 from controller.program import planar_words
-from controller.program.arc_words import PLANES
+from controller.program.motion_words import PLANES
 from controller.program.offset_words import Here
 from controller.program.position import Coordinate
 from controller.program.program import Block, JointArc, JointLine, Targets, Tip

@@ -29,7 +29,7 @@ from controller.geometry.vectors import Vector
 from controller.machine.changes import Change
 from controller.machine.model import MAX_WEAR_MM, OFFSETS, Machine, Offset, Tool
 from controller.messages import Message, message
-from controller.program import kept
+from controller.program import carried
 from controller.program.given import LETTERS, Given
 from controller.program.modal import State
 from controller.program.offset_words import with_radius
@@ -261,7 +261,7 @@ class SystemVariables:
         self._take(state)
 
     def _take(self, state: State) -> None:
-        self.changes += kept.between(self._given.state, state)
+        self.changes += carried.changes_between(self._given.state, state)
         self._given.state = state
 
 

@@ -12,8 +12,9 @@ from __future__ import annotations
 
 import math
 
-from controller.program.cycle_way import PLANES, Way
+from controller.program.cycle_way import Way
 from controller.program.modal import Cycle, State
+from controller.program.motion_words import PLANES
 from controller.program.offset_words import Here
 from controller.program.program import Block, Targets, Tip
 from controller.program.words import Word

@@ -13,13 +13,12 @@ from collections.abc import Callable, Iterator, Mapping
 
 from controller.messages import message
 from controller.program import foreign, linked, macros, marks, own_codes
-from controller.program.comments import LONGEST, aborted, ended, message_text, without_comments
-from controller.program.decoding import Text
 from controller.program.expressions import ARITHMETIC, GAPS, NOTHING, Values
 from controller.program.flow import Limits, Run, Source
 from controller.program.line import COMMON, MAX_RUN, SIMPLE, CommonRun, Line, Other, Rows, Word, simple
 from controller.program.parameters import ALARM, SAYS_DEBUG, STOP, Name, NoValue, Parameters, System
 from controller.program.program import Block, Callers, ProgramError
+from controller.program.source_text import LONGEST, Text, aborted, ended, message_text, without_comments
 
 __all__ = ["LARGEST", "Line", "Word", "read"]
 

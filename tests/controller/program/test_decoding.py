@@ -13,7 +13,7 @@ import pytest
 from support.machines.traced_programs import mill
 from support.oracles import reference_interpreter
 
-from controller.program import blocks, decoding, linked
+from controller.program import blocks, linked, source_text
 from controller.program.program import Block, ProgramError, Remark
 
 MILL = mill()
@@ -105,10 +105,10 @@ def test_lines_come_as_they_stand_however_the_text_is_parted(monkeypatch: pytest
     rng = random.Random(5)
     for _ in range(300):
         text = "".join(rng.choice(("\r\n", "\r", "\n", "X1", "é", "")) for _ in range(rng.randrange(30)))
-        whole = decoding.NEWLINE.split(text)
-        parted = decoding.Text("", memoryview(text.encode()), "utf-8")
+        whole = source_text.NEWLINE.split(text)
+        parted = source_text.Text("", memoryview(text.encode()), "utf-8")
         for part in (1, 2, 3, 7, 1000):
-            monkeypatch.setattr(decoding, "PART", part)
+            monkeypatch.setattr(source_text, "PART", part)
             assert list(parted.lines()) == whole, (text, part)
 
 
