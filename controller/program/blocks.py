@@ -25,6 +25,7 @@ from controller.program import (
     codes,
     compensation,
     corner_words,
+    cycle_moves,
     cycles,
     dynamic_offset,
     foreign,
@@ -42,7 +43,6 @@ from controller.program import (
     source_text,
     spline_words,
     surface_words,
-    thread_words,
     words,
 )
 from controller.program.carried import InForce, Saved, after_program
@@ -106,7 +106,7 @@ _CLEARED = MappingProxyType(  # what has ended a motion, and the text that says 
         "G6.2": "cleared.G6.2",
         "G80": "cleared.G80",
         **dict.fromkeys(PROBES, "cleared.probe"),
-        **dict.fromkeys(thread_words.CODES, "cleared.thread"),
+        **dict.fromkeys(cycle_moves.THREADS, "cleared.thread"),
         **dict.fromkeys(CURVES, "cleared.curve"),
     }
 )
@@ -632,8 +632,8 @@ class _BlockInterpreter:
             return made
         if motion in pocket_words.CODES:
             return pocket_words.blocks(here, motion, word)
-        if motion in thread_words.CODES:
-            made, self.state = thread_words.blocks(here, motion, word)
+        if motion in cycle_moves.THREADS:
+            made, self.state = cycle_moves.thread_blocks(here, motion, word)
             return made
         return (
             [motion_words.line(here, motion, word)]

@@ -18,7 +18,7 @@ from controller.program.line import Line
 from controller.program.modal import State
 from controller.program.motion_words import reference
 from controller.program.origins import NONE
-from controller.program.parameters import Name, NoValue
+from controller.program.parameters import Name, NoValue, written
 from controller.program.position import Position
 from controller.program.program import Block, JointLine, Tip, TipLine
 
@@ -254,11 +254,7 @@ class Given:
 
 
 def _unknown(key: Name, letter: str) -> NoValue:
-    return NoValue("value.not_known", name=_written(key), axis=letter.upper())
-
-
-def _written(key: Name) -> str:
-    return f"#<{key}>" if isinstance(key, str) else f"#{key}"
+    return NoValue("value.not_known", name=written(key), axis=letter.upper())
 
 
 def _code(code: str) -> float:

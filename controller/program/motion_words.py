@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from types import MappingProxyType
 
@@ -44,6 +45,14 @@ def targets(here: Here) -> Targets:
         else:
             found.append(word.value * here.state.mm_per_unit)
     return tuple(found)
+
+
+def to_place(machine: Machine, words: Sequence[Coordinate], axes: Sequence[int] = (0, 1, 2)) -> Targets:
+    """Targets of linear axes alone: ``words`` (mm) of ``axes``, which are 0 to 2 for X Y Z."""
+    made: list[Coordinate] = [None] * len(machine.axes)
+    for axis, word in zip(axes, words, strict=False):
+        made[machine.linear()[axis]] = word
+    return tuple(made)
 
 
 def check_rotaries(here: Here) -> None:
