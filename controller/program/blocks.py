@@ -158,12 +158,15 @@ def stream(
     own = own_codes.calls(machine)
     limits = Limits(machine.call_levels, machine.program_passes, machine.without_point, own)
     common = CommonLines(machine, given)
-    read = words.read(text, name, block_delete, parameters, limits, files, refused, common.take, system)
+    front = foreign.front_lines(text, name, refused)
+    read: Iterator[Line | CommonRun] = front or words.read(
+        text, name, block_delete, parameters, limits, files, refused, common.take, system
+    )
     if remark is not None:
         yield Remark(remark[0], given.state.modal, remark[1])
     made = _blocks(Upcoming(read), machine, given, common, parameters, refused, in_force)
     beside = compensation.beside(made, given.position, machine, name, refused)
-    for together in foreign.judged(beside, text, name, refused):
+    for together in beside if front else foreign.judged(beside, text, name, refused):
         yield from together
 
 

@@ -20,7 +20,7 @@ the manuals of Haas and Fanuc themselves were not at hand, so a row of theirs is
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import cache
 from itertools import islice
 from types import MappingProxyType
@@ -28,6 +28,7 @@ from typing import Any, NamedTuple
 
 from controller.messages import Message, chain, message
 from controller.program.code_rows import key_of
+from controller.program.line import Line, Rows
 from controller.program.program import Block, ProgramError
 from controller.program.source_text import Text
 
@@ -131,6 +132,40 @@ def _pattern(form: str) -> re.Pattern[str]:
     return re.compile(form, re.IGNORECASE)
 
 
+# The seam for dialects of other controls: who reads a program that is known as one of ``_CONTROLS``.
+#
+# A front end gets numbers and texts of the lines from the top, the name of the file and ``refuse``. It gives
+# lines in the codes of the machine's own dialect, each word with the column and the text that it has in the
+# original, so that whatever refuses it later names what its writer sees. What it cannot read itself it hands
+# to ``refuse`` and goes on. None ships.
+
+Refuse = Callable[[ProgramError], None]  # notes it, or raises it
+FrontEnd = Callable[[Rows, str, Refuse], Iterator[Line]]
+FRONT_ENDS: dict[str, FrontEnd] = {}  # by the names of ``_CONTROLS``
+
+
+def front_lines(text: Text, name: str, refused: list[ProgramError] | None) -> Iterator[Line] | None:
+    """The lines of a text as the front end of its control reads it; None where there is none for it."""
+    if not FRONT_ENDS or (other := program(text.lines(), name)) is None:
+        return None
+    front = FRONT_ENDS.get(other.control)
+    if front is None:
+        return None
+
+    def refuse(error: ProgramError) -> None:
+        if refused is None:
+            raise error
+        refused.append(error)
+
+    return front(enumerate(text.lines(), start=1), name, refuse)
+
+
+class OtherControl(ProgramError):
+    """A program of another control."""
+
+    control = ""  # of ``_CONTROLS``
+
+
 def judged(
     read: Iterator[Sequence[Block]], text: Text, name: str, refused: list[ProgramError] | None
 ) -> Iterator[Sequence[Block]]:
@@ -153,10 +188,10 @@ def judged(
         raise other
 
 
-def program(lines: Iterable[str], name: str) -> ProgramError | None:
+def program(lines: Iterable[str], name: str) -> OtherControl | None:
     """What to tell of a program where a line of it is another control's, or two may be; else None."""
-    other: ProgramError | None = None
-    perhaps: ProgramError | None = None
+    other: OtherControl | None = None
+    perhaps: OtherControl | None = None
     words = set[str]()
     for number, raw in enumerate(islice(lines, MAX_LINES), start=1):
         told = _without_comments(raw) if other is None else ""
@@ -175,9 +210,11 @@ def program(lines: Iterable[str], name: str) -> ProgramError | None:
     return other
 
 
-def _program_error(name: str, number: int, raw: str, control: str, at: int) -> ProgramError:
+def _program_error(name: str, number: int, raw: str, control: str, at: int) -> OtherControl:
     why = message("foreign.program", line=_shown(raw), control=control)
-    return ProgramError(name, number, at + 1, why, control.split()[0])
+    error = OtherControl(name, number, at + 1, why, control.split()[0])
+    error.control = control
+    return error
 
 
 def statement(raw: str, name: str, number: int) -> ProgramError | None:
