@@ -15,6 +15,7 @@ the manuals of Haas and Fanuc themselves were not at hand, so a row of theirs is
                (commit 135b0ce522)
     Heidenhain user's manuals of the TNC controls (M128, M129)
     Marlin     its G code pages, as programs of printers have them
+    FluidNC    its notes on probing, 3.7.6: G38.6 to G38.9 are G38.2 to G38.5 by distances in mm
 """
 
 from __future__ import annotations
@@ -254,7 +255,7 @@ def _shown(raw: str) -> str:
 
 
 HAAS, FANUC, MAKINO, LINUXCNC, MARLIN = "Haas", "Fanuc", "Makino", "LinuxCNC", "Marlin"
-HEIDENHAIN = "Heidenhain"
+HEIDENHAIN, BROTHER, FLUIDNC = "Heidenhain", "Brother", "FluidNC"
 
 
 class Use(NamedTuple):
@@ -295,6 +296,7 @@ _TABLES = (
         ("M160 M161 M162 M163", "coolant_pulses", "output"),
         ("G35 G36 G37 G136", "measures", "probing"),
         ("G77", "back_bore", "g87"),
+        ("G100", "mirror_end", "g50_1"),
         ("G101", "mirror", "g51_1"),
         ("G141 G143", "vectors", "g43_4"),
         ("G156", "broach", "moves"),
@@ -333,6 +335,8 @@ _TABLES = (
         ("M128 M129 M130", "kinematics", "g43_4_switch"),
         (" ".join(f"M{n}" for n in range(100, 200)), "own_file", "own"),
     ),
+    _rows(BROTHER, ("G100", "change_and_moves", "m6_moves")),
+    _rows(FLUIDNC, ("G38.6 G38.7 G38.8 G38.9", "probes_in_mm", "g38_2")),
     _rows(HEIDENHAIN, ("M128 M129", "tip_control", "g43_4")),
     _rows(
         MARLIN,

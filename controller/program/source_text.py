@@ -1,7 +1,8 @@
 """From the bytes of a file to the text of a program, its lines and their comments, and a place in it shown.
 
 Bytes that a punched tape or a serial line left before and behind a program are no part of it:
-NUL, DEL, DC1 to DC4, STX before it, and behind it ETX, EOT and the ^Z with which DOS ended texts.
+NUL, DEL, DC1 to DC4, STX before it, and behind it ETX, EOT and the ^Z with which DOS ended texts; behind a
+closing % one of these ends all, whatever follows.
 
 Comments of a line are blanked out, but for those that say something to the operator.
 ``(MSG, text)``, ``(DEBUG, text)``, ``(PRINT, text)`` and ``(LOG, text)`` are shown at their place in the run;
@@ -25,6 +26,7 @@ from controller.program.program import Place, ProgramError
 _AROUND = bytes([0x00, 0x11, 0x12, 0x13, 0x14, 0x7F])
 _BEFORE = _AROUND + b"\x02"
 _BEHIND = frozenset(_AROUND + b"\x03\x04\x1a \t\r\n")
+_CLOSED = re.compile(rb"[\r\n][ \t]*%[ \t\r\n]*[\x03\x04\x1a]")
 _LEADER = re.compile(rb"[\x00\x02\x11-\x14\x7f \t\r\n]*")
 NEWLINE = re.compile(r"\r\n|\r|\n")
 _NEWLINE = re.compile(rb"\r\n|\r|\n")
@@ -100,6 +102,8 @@ def _first_undecoded(text: Text) -> int | None:
 def _without_tape(data: Bytes) -> tuple[str, memoryview]:
     """The blank lines before the program, and the program without its byte order mark."""
     view, end = memoryview(data), len(data)
+    if any(data.find(byte) >= 0 for byte in (b"\x03", b"\x04", b"\x1a")) and (closed := _CLOSED.search(data)):
+        end = closed.end()
     while end and view[end - 1] in _BEHIND:
         end -= 1
     leader = _LEADER.match(data, 0, end)

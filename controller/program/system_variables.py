@@ -52,6 +52,7 @@ _AT_RUN = (  # what is known only in the run, or not kept: M, N and O of the lin
         for clocks in (range(3001, 3003), range(3011, 3013), range(3020, 3030))
     ),
     (range(4113, 4116), "value.system_lines"),
+    (range(5101, 5106), "value.system_following"),
 )
 _MODAL_STARTS = (4001, 4201, 4401)
 _WORD_STARTS = (4101, 4301, 4501)

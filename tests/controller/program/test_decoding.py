@@ -45,6 +45,13 @@ def test_inside_of_a_program_they_are_refused(byte: bytes) -> None:
     assert (refused.value.line, refused.value.column) == (2, 3)
 
 
+@pytest.mark.parametrize("byte", [b"\x03", b"\x04", b"\x1a"])
+def test_behind_the_closing_percent_they_end_all_that_was_sent(byte: bytes) -> None:
+    assert read(BODY + b" \r\n" + byte + b" \xff garbage \x01\n") == read(BODY)
+    with pytest.raises(ProgramError, match="control character"):
+        read(b"%\nG0 X1.\n" + byte + b"\nX2.\n%\n")
+
+
 @pytest.mark.parametrize("end", [b"\n", b"\r\n", b"\r"])
 def test_every_line_end_and_a_byte_order_mark_read_the_same(end: bytes) -> None:
     assert read(b"\xef\xbb\xbf" + BODY.replace(b"\n", end)) == read(BODY)
