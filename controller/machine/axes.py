@@ -317,7 +317,9 @@ class Axis:
         Choice({one.value: one for one in Kind}), "a slide, a rotary under the work, or a rotary in the head"
     )
     direction: Vector = key(
-        VECTOR, "of positive travel; a rotary turns the carried body about it, right-handed"
+        VECTOR,
+        "of positive travel; a slide that is not square leans up to 30 degrees, which is compensated; a "
+        "rotary turns the carried body about it, right-handed",
     )
     point_mm: Vector = key(  # machine frame at zero; unused for linear axes
         VECTOR,

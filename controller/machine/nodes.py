@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from controller.machine import compensation, drive_profiles
+from controller.machine.kinematics.slides import Slides
 from controller.machine.model import Axis, Demand, Machine, SpindlePosition, Temperature
 from controller.machine.toml_table import ConfigError
 from controller.messages import message
@@ -38,9 +39,9 @@ def master_settings(machine: Machine) -> MasterSettings:
 
 def node_settings(machine: Machine) -> tuple[NodeSettings, ...]:
     """One drive per axis, in the axes' order, in counts; raises ``ConfigError`` without its EDS."""
-    return tuple(
-        _node(axis, compensation.largest(machine, i), machine) for i, axis in enumerate(machine.axes)
-    )
+    slides, axes = Slides(machine.axes), machine.axes
+    asked = [replace(axis, limits=slides.limits(axes, i)) for i, axis in enumerate(axes)]
+    return tuple(_node(axis, compensation.largest(machine, i), machine) for i, axis in enumerate(asked))
 
 
 def spindle_settings(machine: Machine) -> SpindleSettings | None:
