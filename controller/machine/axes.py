@@ -277,6 +277,14 @@ class Clamp:
 
 
 @dataclass(frozen=True, slots=True)
+class LimitInputs:
+    """Limit switches of an axis that are wired to the I/O node: names of inputs, 1 where they are free."""
+
+    lower: str = key(TEXT, "of `[io]`: the switch at the lower end of the travel", silent="", may_be=OF_IO)
+    upper: str = key(TEXT, "of `[io]`: that at the upper end", silent="", may_be=OF_IO)
+
+
+@dataclass(frozen=True, slots=True)
 class Stopping:
     """How the drive should stop by itself, and its units; 0 = as ``nodes`` and the drive have it."""
 
@@ -372,6 +380,11 @@ class Axis:
         default=0,
     )
     clamp: Clamp | None = key(Sub(Clamp), "that holds it where it stands", default=None)
+    limit_inputs: LimitInputs | None = key(
+        Sub(LimitInputs),
+        "its limit switches, where they are wired to the I/O node: motion into one that is pressed stops",
+        default=None,
+    )
     temperature: Temperature | None = key(
         Sub(Temperature), "where the drive tells how warm it is", default=None
     )
