@@ -9,7 +9,7 @@ from typing import Any
 
 from controller.machine import compensation, drive_profiles
 from controller.machine.kinematics.slides import Slides
-from controller.machine.model import Axis, Demand, Machine, SpindlePosition, Temperature
+from controller.machine.model import Axis, Demand, LoadEncoder, Machine, SpindlePosition, Temperature
 from controller.machine.toml_table import ConfigError
 from controller.messages import message
 from drives.settings import (
@@ -151,6 +151,7 @@ def _node(axis: Axis, off: float, machine: Machine) -> NodeSettings:
         temperature_entry=_entry(axis.temperature) if axis.temperature else 0,
         setpoint_deadline_s=axis.setpoint_deadline_s,
         **({} if axis.demand is None else _demand_settings(axis.demand)),
+        **({} if axis.load_encoder is None else _load_settings(axis, axis.load_encoder)),
     )
 
 
@@ -161,6 +162,17 @@ def _demand_settings(told: Demand) -> dict[str, Any]:
         "demand_index": told.index,
         "demand_every": told.every,
         "demand_per_count": told.per_count,
+    }
+
+
+def _load_settings(axis: Axis, encoder: LoadEncoder) -> dict[str, Any]:
+    """Where the encoder at the load is told, and what it may differ by."""
+    return {
+        "load_tpdo": encoder.tpdo,
+        "load_entry": encoder.index << 16 | encoder.sub << 8 | 32,
+        "load_every": encoder.every,
+        "load_per_count": encoder.counts_per_unit / axis.counts_per_unit,
+        "most_load_off_counts": encoder.most_off * abs(axis.counts_per_unit),
     }
 
 

@@ -68,7 +68,7 @@ class Encoder:
         products = self._products(joints, self._counts_per_unit)
         self._rounded(products, products)
 
-    def to_units(self, i: int, counts: int) -> float:
+    def to_units(self, i: int, counts: float) -> float:
         """Counts of one axis in mm or rad."""
         return counts * self._units_per_count[i]
 
