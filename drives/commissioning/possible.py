@@ -83,7 +83,7 @@ def warnings(settings: Settings, master: MasterSettings, sheet: Sheet) -> list[M
 def unit_problems(settings: Settings, sheet: Sheet) -> Iterator[Message]:
     """What commissioning would refuse of the units of a drive that has the sheet's defaults still.
 
-    Not a problem yet: who sets a drive up by its maker's tool changes them.
+    Whoever has set a drive up by its maker's tool says so by an override of the default.
     """
     if isinstance(settings, IoSettings):
         return
