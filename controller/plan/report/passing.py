@@ -94,11 +94,14 @@ class Passing:
         for span in spans:
             stretch, parts = self._of(course.stretches[span.stretch])
             took_s = span.to_s - span.from_s
+            if self.marks and now_s + took_s < self.marks[-1][1] + self._apart_s:
+                now_s += took_s + span.stands_s
+                continue
             times = np.linspace(span.from_s, span.to_s, 2 + min(MAX_INSIDE, int(took_s / APART_S)))
             for s, at_s in zip(along(span.law, times)[0].tolist(), times.tolist(), strict=True):
                 part, fraction = part_at(parts, s)
                 self._mark(place_of(stretch.name, part.order, fraction, s), now_s + at_s - span.from_s)
-            now_s += took_s
+            now_s += took_s + span.stands_s
 
     def _of(self, stretch: Stretch) -> tuple[Stretch, tuple[LinePart, ...]]:
         """What lies behind it is forgotten."""
