@@ -113,7 +113,8 @@ def _looks(course: FeedCourse, spans: Sequence[Span], limits: Array) -> Iterator
         for part, even in _cut(span):
             own = binding.windows(part)
             n = min(own, _places(course, part)) if even else own
-            many = _even(course, Look(part, n), limits) if even else iter([Look(part, n)])
+            changes = even and not _is_even(course.stretches[span.stretch])
+            many = _even(course, Look(part, n), limits) if changes else iter([Look(part, n)])
             for look in many:
                 yield from _slices(look)
 
@@ -162,6 +163,12 @@ def _moments(stretch: Stretch, length: float) -> float:
         turn = motion.curve.sweep_rad if isinstance(motion.curve, Arc) else 2.0 * math.pi
         return PER_RADIAN * abs(turn) * length / motion.end
     return max(length / mesh.SPACING, mesh.SAMPLES[0] * length / motion.end)
+
+
+def _is_even(stretch: Stretch) -> bool:
+    """Whether the shares of all limits are the same anywhere on it at an even speed."""
+    motion = stretch.motion
+    return isinstance(motion, JointMove) and isinstance(motion.curve, Line) and stretch.even_feed is not None
 
 
 def _even(course: FeedCourse, look: Look, limits: Array) -> Iterator[Look]:

@@ -182,8 +182,8 @@ def _named(code: int, axes: tuple[str, ...]) -> tuple[str, str | None, str | Non
 def ratios(machine: Machine, most: Array) -> dict[str, dict[str, float]]:
     """Largest shares of the limits (axes, 3) by name."""
     return {
-        axis.name: dict(zip(AXIS_KINDS, (float(x) for x in row), strict=True))
-        for axis, row in zip(machine.axes, most, strict=True)
+        axis.name: dict(zip(AXIS_KINDS, row, strict=True))
+        for axis, row in zip(machine.axes, most.tolist(), strict=True)
     }
 
 
