@@ -164,7 +164,7 @@ def _planned(track: Track, sent: Sent) -> Planned:
         unit = track.at(sent.first)
         return Planned(took_s, unit.what if unit and isinstance(unit.what, Pause) else None, None, [])
     spans, begin_s = [], 0.0
-    for k, law in sent.profile.laws(sent.course):
+    for k, law in sent.laws:
         if begin_s < took_s and law.duration_s > 0.0:
             spans.append(Span(k, law, 0.0, min(law.duration_s, took_s - begin_s)))
         begin_s += law.duration_s
@@ -203,7 +203,8 @@ class _Rolling:
         long_s = count * step_s
         even = Profile(np.array([0.0, long_s + WINDOW_S]), np.array([[s, speed, 0.0, 0.0, 0.0, 0.0]]))
         end_s = sent.seam_s + long_s
-        return replace(sent, start_s=sent.seam_s, end_s=end_s, seam_s=end_s, profile=even, pieces=())
+        rolled = replace(sent, start_s=sent.seam_s, end_s=end_s, seam_s=end_s, pieces=())
+        return replace(rolled, profile=even, laws=even.laws(sent.course))
 
     def _until(self, stretch: Stretch, s: float, speed: float) -> float:
         """The first place of a stretch behind ``s`` at which anything but a feed of ``speed`` counts."""
