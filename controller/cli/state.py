@@ -15,7 +15,7 @@ from typing import Annotated, Final, Literal, NamedTuple
 import typer
 
 from controller import messages, npz, own_database, own_files, sealed_file, sealed_rows
-from controller.api import database, log_in_marker
+from controller.api import log_in_marker, own_folder
 from controller.api.programs import CONTENT, FOLDER
 from controller.ipc import control_socket
 from controller.machine import arrangement
@@ -35,7 +35,8 @@ OK: Final = "ok"
 OLDER: Final = "older"
 DAMAGED: Final = "damaged"
 WRONG = (OSError, ValueError, events.EventError)
-GROUPS = (record_files.RUNS, record_files.RECORDINGS, FOLDER, "checks", arrangement.FOLDER)
+GROUPS = (record_files.RUNS, record_files.RECORDINGS, "checks", arrangement.FOLDER)
+PROGRAMS = f"{own_folder.PANEL}/{FOLDER}/"
 
 
 class Found(NamedTuple):
@@ -92,6 +93,8 @@ def _lines(found: list[Found]) -> Iterator[str]:
 
 def _group(one: Found) -> str:
     first = Path(one.file).parts[0]
+    if one.file.startswith(PROGRAMS):
+        return PROGRAMS
     return f"{first}/" if first in GROUPS else one.file
 
 
@@ -102,17 +105,19 @@ def look(state: Path) -> Iterator[Found]:
             yield from _held(file, state, _sealed)
         yield from _gone(state / name, sealed_file.before(state / name))
     yield from _held(state / older_files.ALARMS, state, _alarms)
-    yield from _held(state / log_in_marker.FILE, state, _log_in)
-    for name in (tool_store.OLDER, database.FILE, service_store.FILE, service_store.COPY):
+    own = own_folder.of(state)
+    yield from _held(own / log_in_marker.FILE, state, _log_in)
+    yield from _held(own / own_folder.STORE, state, _rows)
+    for name in (tool_store.OLDER, service_store.FILE, service_store.COPY):
         yield from _held(state / name, state, _rows)
     yield from _gone(state / service_store.FILE, state / service_store.COPY)
     folders = Folders.within(state)
     for folder in (folders.arranged, folders.checks):
         for name in own_files.names(folder, state):
             yield from _held(folder / name, state, _record)
-    for name in own_files.names(state / FOLDER, state):
+    for name in own_files.names(own / FOLDER, state):
         if name.endswith(CONTENT):
-            yield from _held(state / FOLDER / name, state, _program)
+            yield from _held(own / FOLDER / name, state, _program)
     for kind in (record_files.RUNS, record_files.RECORDINGS):
         for name in own_files.names(state / kind, state):
             yield from _of_record(state / kind / name, state)
@@ -180,13 +185,13 @@ def _alarms(file: Path, state: Path) -> Condition:
 
 
 def _log_in(file: Path, state: Path) -> Condition:
-    if log_in_marker.users(state) is None:
+    if log_in_marker.users(file.parent) is None:
         raise sealed_file.Damaged(message("sealed.other"))
     return OK
 
 
 def _rows(file: Path, state: Path) -> Condition:
-    with contextlib.closing(own_database.opened(file, shared=file.name == database.FILE)) as sql:
+    with contextlib.closing(own_database.opened(file)) as sql:
         if own_database.has_lost(sql, file):
             raise sealed_file.Damaged(message("cli.state.lost"))
         wrong = sealed_rows.look(sql)

@@ -35,7 +35,7 @@ from typing import Annotated, Any
 import typer
 
 from controller import messages, own_database, own_files
-from controller.api import notice_settings
+from controller.api import notice_settings, own_folder
 from controller.api.database import StoreError
 from controller.api.store import Store
 from controller.cli import host_findings, installation, internal_error, redaction
@@ -116,7 +116,8 @@ def _parts(folder: Path, records: int, missing: list[str]) -> Iterator[Part]:
     for kind in (RUNS, RECORDINGS):
         for one in _latest(folder / kind, folder, records):
             yield from _folder(one, folder, missing)
-    yield from _folder(folder / internal_error.FOLDER, folder, missing)
+    for of in (folder, own_folder.of(folder)):
+        yield from _folder(of / internal_error.FOLDER, folder, missing)
     if journal := _journal():
         yield "journal.txt", journal
 
