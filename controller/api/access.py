@@ -26,7 +26,9 @@ from starlette.requests import HTTPConnection
 
 from controller.api.answers import Refusal
 from controller.api.roles import Principal, Role
+from controller.api.service_client import asker
 from controller.commands.table import REPEATED
+from controller.ipc.asker import Asker
 from controller.messages import Key
 
 if TYPE_CHECKING:
@@ -111,6 +113,7 @@ async def _checked(connection: HTTPConnection, role: Role) -> Principal:
     except Refusal as refusal:
         note_refused(connection, name, _action(connection), refusal)
         raise
+    asker.set(Asker(who.name, who.role.label, address(connection)))
     allowed = who.role >= role
     if not allowed or _method(connection) not in SAFE:
         _audit(panel, connection, who, allowed)

@@ -7,12 +7,15 @@ import hashlib
 import json
 import os
 import sqlite3
+import time
 from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Annotated, Final, Literal, NamedTuple
 
 import typer
+from rich.markup import escape
+from rich.table import Table as Printed
 
 from controller import messages, npz, own_database, own_files, sealed_file, sealed_rows
 from controller.api import log_in_marker, own_folder
@@ -21,7 +24,7 @@ from controller.ipc import control_socket
 from controller.machine import arrangement
 from controller.messages import Message, message, of_error
 from controller.runtime import events
-from controller.service import older_files, owners
+from controller.service import older_files, owners, requests
 from controller.service.folders import Folders
 from controller.state import record_files
 from controller.state.setpoints import TABLES, Table
@@ -73,6 +76,31 @@ def check(
             show.print("\n".join(_lines(found)), markup=False, soft_wrap=True)
     if damaged:
         raise typer.Exit(1)
+
+
+@app.command("requests")
+def list_requests(
+    most: Annotated[int, typer.Option("--most", min=1, max=requests.MAX_ROWS)] = 50,
+    state: Annotated[Path | None, typer.Option("--state")] = None,
+    as_json: Annotated[bool, typer.Option("--json")] = False,
+) -> None:
+    """Who asked the machine for what, as the service has noted it."""
+    with refusals(as_json, lambda: (OSError,)):
+        file = (state or control_socket.state_folder()) / service_store.FILE
+        try:
+            with own_database.reading(file) as sql:
+                rows = list(requests.listed(sql, most))
+        except (OSError, sqlite3.Error) as error:
+            raise Refused(say("os_error_of", file=file, why=error)) from error
+        if as_json:
+            print(json.dumps({"ok": True, "requests": rows}))
+            return
+        heads = ("time", "user", "role", "address", "request", "arguments", "refused")
+        table = Printed(*(say(f"table.{head}") for head in heads), box=None, pad_edge=False)
+        for row in rows:
+            at = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(row["time_s"]))
+            table.add_row(at, *(escape(str(row[name])) for name in requests.COLUMNS[1:] if name != "peer"))
+        show.print(table)
 
 
 def in_words(one: Found) -> str:

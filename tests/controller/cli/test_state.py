@@ -1,4 +1,4 @@
-"""``directrix state check``: it names what is damaged, and nothing else."""
+"""``directrix state``: check names what is damaged, and nothing else; requests who asked for what."""
 
 from __future__ import annotations
 
@@ -21,6 +21,7 @@ from controller import sealed_file
 from controller.__main__ import app
 from controller.api.store import Store
 from controller.cli import recorded_runs, state
+from controller.ipc.asker import Asker
 from controller.machine import arrangement, setup_data
 from controller.messages import message
 from controller.plan.report import stored
@@ -28,7 +29,9 @@ from controller.runtime import events
 from controller.runtime.starts import Start
 from controller.service import runs
 from controller.service.journal import sha256
+from controller.service.requests import Requests
 from controller.state.setpoints import SETPOINTS
+from controller.store.service_store import ServiceStore
 from controller.verify.console import Refused
 from drives.arranged import Arranged
 
@@ -217,3 +220,19 @@ def test_a_segment_of_a_record_is_named_that_is_damaged_or_gone(copied: Path) ->
     found = [one for one in asked(copied, 1) if one["condition"] == "damaged"]
     names = [f"runs/{folder.name}/{SETPOINTS.name(first)}" for first in (4, 8)]
     assert [one["file"] for one in found] == names and found[0]["why"] == "it is missing"
+
+
+def test_requests_are_listed_newest_first(copied: Path) -> None:
+    with contextlib.closing(ServiceStore(copied)) as store:
+        noted = Requests(store)
+        for user in ("anna", "[red]"):
+            with noted.noted("hold", {"press": "a"}, Asker(user, "operate", "10.0.0.7"), "directrix-panel"):
+                pass
+        noted.close()
+    words = ["state", "requests", "--state", str(copied)]
+    told = json.loads(CliRunner().invoke(app, [*words, "--json"]).stdout)
+    assert [row["user"] for row in told["requests"]] == ["[red]", "anna"]
+    assert told["requests"][0]["peer"] == "directrix-panel"
+    shown = CliRunner().invoke(app, words).stdout
+    assert "anna" in shown and "[red]" in shown and "10.0.0.7" in shown
+    assert CliRunner().invoke(app, [*words[:-1], str(copied / "none")]).exit_code == 1
