@@ -55,11 +55,11 @@ def panel_of(connection: HTTPConnection) -> Panel:
     return found
 
 
-def needs(role: Role) -> Any:
-    """A dependency: who asks must have this role."""
+def needs(role: Role, again: bool = False) -> Any:
+    """A dependency: who asks must have this role; ``again``: and, in a session, given the password again."""
 
     async def allowed(connection: HTTPConnection) -> Principal:
-        return await _checked(connection, role)
+        return await _checked(connection, role, again)
 
     return Depends(_marked(allowed, role, False))
 
@@ -104,7 +104,7 @@ def _marked(guard: Guard, role: Role, control: bool) -> Guard:
     return guard
 
 
-async def _checked(connection: HTTPConnection, role: Role) -> Principal:
+async def _checked(connection: HTTPConnection, role: Role, again: bool = False) -> Principal:
     panel, name = panel_of(connection), ""
     try:
         who = await _claimed(connection)
@@ -119,7 +119,14 @@ async def _checked(connection: HTTPConnection, role: Role) -> Principal:
         _audit(panel, connection, who, allowed)
     if not allowed:
         raise Refusal.of(403, "role", "role", name=who.name, has=who.role.label, needs=role.label)
+    if again and who.how == "session" and not panel.users.is_confirmed(cookie_of(connection)):
+        raise Refusal.of(403, "confirm", "confirm", name=who.name)
     return who
+
+
+def cookie_of(connection: HTTPConnection) -> str:
+    """Of a session; empty where there is none."""
+    return connection.cookies.get(COOKIE, "")
 
 
 async def _check_seen(connection: HTTPConnection, seen: str, most_s: float) -> None:
@@ -152,7 +159,7 @@ async def _claimed(connection: HTTPConnection) -> Principal:
         if who := await users.by_token(token):
             return who
         raise _unknown("unknown_token")
-    if who := users.by_cookie(connection.cookies.get(COOKIE, "")):
+    if who := users.by_cookie(cookie_of(connection)):
         return who
     users.check_lost()
     raise _unknown("not_logged_in")
