@@ -25,6 +25,7 @@ from fastapi import Depends, Header
 from starlette.requests import HTTPConnection
 
 from controller.api.answers import Refusal
+from controller.api.quotas import Owner
 from controller.api.roles import Principal, Role
 from controller.api.service_client import asker
 from controller.commands.table import REPEATED
@@ -239,6 +240,11 @@ def _method(connection: HTTPConnection) -> str:
 def address(connection: HTTPConnection) -> str:
     """Where a request comes from, for the audit log."""
     return connection.client.host if connection.client else ""
+
+
+def owner_of(connection: HTTPConnection, who: Principal) -> Owner:
+    """Whom quotas are counted for."""
+    return who.name, address(connection)
 
 
 def _action(connection: HTTPConnection) -> str:
