@@ -68,6 +68,11 @@ def test_an_emergency_stop_on_a_full_disk_is_kept_and_so_is_where_the_run_was(
     finally:
         shutil.rmtree(killed)
         service.close()
+    fill(small)
+    after = served(small)  # nor does that forbid the next start
+    assert after.interrupted is not None and after.interrupted.fault == "EMERGENCY_STOP"
+    assert "EMERGENCY_STOP" in {alarm["name"] for alarm in after.alarms.list()}
+    after.close()
 
 
 def test_a_folder_that_takes_nothing_ends_the_start_in_a_sentence(small: Path) -> None:
