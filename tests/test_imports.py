@@ -58,7 +58,7 @@ ARROWS: dict[str, set[str]] = {
         "messages",
         "program",
         "plan",
-    },  # faces of a CAD file, or rows of a CAM system, as a program
+    },  # faces, or rows of lines, as a program
     "post": {"geometry", "machine", "motion", "program", "plan"},  # a planned path as lines
     # Verbs of the command line: free, but for tick.
     "cli": VALUES
