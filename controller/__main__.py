@@ -64,7 +64,7 @@ COMMANDS = {command: file for file, commands in FILES.items() for command in com
 
 OF_A_RUNNING_CONTROLLER = ("client", "commands", "client_lists")  # files whose commands --help lists apart
 PANEL = "help_frame.production"  # their headline
-FROM_A_CHECKOUT = ("bench", "soak")  # files whose commands are for who works on the controller: --help lists none
+FROM_A_CHECKOUT = ("bench", "soak")  # files for who works on the controller: --help lists none of theirs
 
 
 class Commands(TyperGroup):

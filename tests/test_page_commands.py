@@ -202,6 +202,7 @@ ELSEWHERE: dict[str, tuple[str, str]] = {
     "service uninstall": ("guest/systemd/conftest.py", '"uninstall"'),
     "serve --simulate": ("support/live/shop.py", '"--simulate"'),
     "state check": ("controller/cli/test_state.py", '"state", "check"'),
+    "state requests": ("controller/cli/test_state.py", '"state", "requests"'),
     "support case.zip": ("controller/cli/test_support.py", '"support"'),
     "withdraw": ("controller/service/test_command_handlers.py", '"withdraw"'),
 }

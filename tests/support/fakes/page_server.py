@@ -269,7 +269,7 @@ def draw(folder: Path) -> None:
     kinds, rows = np.array([0, 0, 1, 1, 1, 1, 0]), np.arange(n)
     axes, walls = np.tile([0.0, 0.0, 1.0], (n, 1)), np.empty((0, 6))
     shape = Shape(tips, kinds, rows, rows, walls, np.empty(0, dtype=int), 0.0, axes)
-    shape.save(folder / "pictures" / f"{DRAWN}.npz")
+    shape.save(folder / "panel" / "pictures" / f"{DRAWN}.npz")
 
 
 PASSED = {
