@@ -159,5 +159,6 @@ def test_what_is_wrong_in_a_cl_file_is_told_with_its_line(line: str, said: str, 
 def test_options_of_cad_files_are_refused(tmp_path: Path) -> None:
     file = tmp_path / "wall.cl"
     file.write_text("GOTO/1,2,3\n")
-    code, told = run(file, "--list", "--turn", "X90")
-    assert code == 1 and "--turn is for faces of a STEP file" in told["error"]
+    for words in (("--turn", "X90"), ("--placement", "optimal")):
+        code, told = run(file, "--list", *words)
+        assert code == 1 and f"{words[0]} is for faces of a STEP file" in told["error"]
