@@ -21,8 +21,8 @@ from controller.plan.report.works import CUTS, HOLES
 from controller.plan.stretch import Stretch
 from controller.program.carried import InForce
 from controller.program.codes import CYCLES
-from controller.program.cycle_way import PLANES
 from controller.program.modal import State, power_on
+from controller.program.motion_words import PLANES
 from controller.program.program import Modal, Tip
 
 Array = npt.NDArray[np.float64]
