@@ -323,5 +323,11 @@ def _shown(machine: Machine, name: str) -> dict[str, Any]:
 
 
 def tools_of(machine: Machine) -> list[dict[str, Any]]:
-    """The tool table."""
-    return [{name: getattr(tool, name) for name in tool.__slots__} for tool in machine.tools]
+    """The tool table, each tool with the outlines of its bodies (rho and h, mm) by their kind."""
+    from controller.machine.tool_profile import whole
+
+    rows = []
+    for tool in machine.tools:
+        profile = [(body.name, body.outline().round(4).tolist()) for body in whole(tool)]
+        rows.append({**{name: getattr(tool, name) for name in tool.__slots__}, "profile": profile})
+    return rows

@@ -178,39 +178,24 @@ def completed(rows: Iterable[Row], there: Mapping[int, Row], flute_mm: float | N
 
 def picture(row: Row) -> str:
     """The tool's profile as SVG, to scale: what cuts, the neck above it, the holder; the tip below."""
-    radius, flute, corner = row["radius_mm"], row["flute_mm"], min(row["corner_mm"], row["radius_mm"])
-    wider = math.tan(row["taper_rad"])
-    above = [part for part in row["holder"] or ()]
-    top = max([row["length_mm"], 1.2 * flute, *(high for _, high, _ in above)])
-    wide = max([radius + wider * flute, *(half for _, _, half in above)])
-    body = _outline(radius, flute, corner, wider)
-    neck = _box(flute, max(top if not above else above[0][0], flute), radius + wider * flute, "neck")
-    parts = [body, neck, *(_box(low, high, half, "holder") for low, high, half in above)]
+    points = [point for _, outline in row["profile"] for point in outline]
+    wide, top = max(rho for rho, _ in points), max(row["length_mm"], *(h for _, h in points))
     margin = 0.08 * max(top, 2.0 * wide)
     box = (-wide - margin, -top - margin, 2.0 * (wide + margin), top + 2.0 * margin)
-    measures = f"D {2.0 * radius:g}, {flute:g} mm cut, length {row['length_mm']:g} mm"
+    measures = f"D {2.0 * row['radius_mm']:g}, {row['flute_mm']:g} mm cut, length {row['length_mm']:g} mm"
+    bodies = "".join(_closed(*body) for body in row["profile"])
     title = escape(f"T{row['number']} {row['name']}: {measures}")
     style = (
-        ".cut{fill:#c9a227}.neck{fill:#9aa3ab}.holder{fill:#5b6670}"
+        ".cutter{fill:#c9a227}.shank{fill:#9aa3ab}.holder{fill:#5b6670}"
         f"path{{stroke:#222;stroke-width:{0.004 * box[3]:.4g}}}"
     )
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="{" ".join(f"{x:.4g}" for x in box)}" role="img">'
-        f"<title>{title}</title><style>{style}</style>{''.join(parts)}</svg>\n"
+        f"<title>{title}</title><style>{style}</style>{bodies}</svg>\n"
     )
 
 
-def _outline(radius: float, flute: float, corner: float, wider: float) -> str:
-    """What cuts, from the tip (y = 0) upwards, both sides; SVG's y leads down."""
-    half = radius + wider * flute
-    flat = radius - corner
-    arc = f"A{corner:.5g} {corner:.5g} 0 0 0 {radius:.5g} {-corner:.5g}" if corner else ""
-    back = f"A{corner:.5g} {corner:.5g} 0 0 0 {-flat:.5g} 0" if corner else ""
-    sides = f"L{half:.5g} {-flute:.5g}L{-half:.5g} {-flute:.5g}L{-radius:.5g} {-corner:.5g}"
-    return f'<path class="cut" d="M{-flat:.5g} 0L{flat:.5g} 0{arc}{sides}{back}Z"/>'
-
-
-def _box(low: float, high: float, half: float, what: str) -> str:
-    if high <= low:
-        return ""
-    return f'<path class="{what}" d="M{-half:.5g} {-low:.5g}H{half:.5g}V{-high:.5g}H{-half:.5g}Z"/>'
+def _closed(name: str, outline: Sequence[tuple[float, float]]) -> str:
+    """A body by its outline, both sides; SVG's y leads down."""
+    sides = [*outline, *((-rho, h) for rho, h in reversed(outline))]
+    return f'<path class="{name}" d="M{"L".join(f"{rho:.5g} {-h:.5g}" for rho, h in sides)}Z"/>'

@@ -20,6 +20,7 @@ from controller.geometry.surfaces import Surface
 from controller.geometry.vectors import Frame
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine, Tool
+from controller.machine.tool_profile import flank
 from controller.motion.motions import JointMove
 from controller.plan.rotaries.branch import joints_along
 from controller.plan.stretch import Stretch
@@ -100,7 +101,7 @@ class Walls:
         Below 0 so far off them; where that is more than ``APART_MM``, minus infinity.
         """
         depth, line = np.full(tips.shape[1], -np.inf), np.zeros(tips.shape[1], dtype=int)
-        widest = max(tool.radius_mm, *(wide for _, _, wide in tool.holder), 0.0)
+        widest = max(flank(tool).radius_mm(0.0), *(wide for _, _, wide in tool.holder), 0.0)
         for wall in self._walls:
             far = np.linalg.norm(tips - wall.low[:, None], axis=0).max()
             height = float(np.linalg.norm(wall.high - wall.low) + far)
@@ -181,7 +182,7 @@ def _depth(points: Array, tip: Array, axis: Array, tool: Tool) -> float:
         return -math.inf
     height = height[above]
     off = np.sqrt(np.maximum(np.einsum("ij,ij->j", away[:, above], away[:, above]) - height * height, 0.0))
-    cutter = tool.radius_mm + height * math.tan(tool.taper_rad) - off
+    cutter = flank(tool).radius_mm(height) - off
     deepest = float(cutter.max()) * math.cos(tool.taper_rad)
     for low, high, wide in tool.holder:
         there = (height >= low) & (height <= high)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ElementTree
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -11,7 +12,8 @@ import pytest
 from controller.machine import machine_file, tool_files
 from controller.machine.setup_data import tools_of, with_tool
 
-ROWS = tools_of(machine_file.load("trunnion"))
+MACHINE = machine_file.load("trunnion")
+ROWS = tools_of(MACHINE)
 
 
 def row(**changes: Any) -> dict[str, Any]:
@@ -102,7 +104,8 @@ def test_the_length_that_cuts_is_never_guessed() -> None:
     [{}, {"corner_mm": 3.0}, {"taper_rad": 0.1}, {"holder": ((20.0, 50.0, 10.0),)}, {"name": "<&>"}],
 )
 def test_a_picture_is_svg_that_shows_all_of_the_tool(changes: dict[str, Any]) -> None:
-    one = row(length_mm=60.0, **changes)
+    tool = replace(MACHINE.tools[0], length_mm=60.0, **changes)
+    (one,) = tools_of(replace(MACHINE, tools=(tool,)))
     made = ElementTree.fromstring(tool_files.picture(one))
     x, y, wide, high = map(float, made.attrib["viewBox"].split())
     most = max([one["radius_mm"], *(half for _, _, half in one["holder"] or ())])
@@ -110,4 +113,4 @@ def test_a_picture_is_svg_that_shows_all_of_the_tool(changes: dict[str, Any]) ->
     title = made.find("{http://www.w3.org/2000/svg}title")
     assert title is not None and title.text is not None and one["name"] in title.text
     kinds = {path.attrib["class"] for path in made.iter("{http://www.w3.org/2000/svg}path")}
-    assert kinds == ({"cut", "neck", "holder"} if one["holder"] else {"cut", "neck"})
+    assert kinds == ({"cutter", "shank", "holder"} if one["holder"] else {"cutter", "shank"})
