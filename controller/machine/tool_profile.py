@@ -28,7 +28,6 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from itertools import pairwise
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -115,24 +114,14 @@ class Body:
 
     def radius(self, h: Array) -> Array:
         """rho of the outline at heights (N,); 0 beyond the ends."""
-        h = np.asarray(h, dtype=float)
-        found = np.zeros(h.shape)
-        for (low_rho, low_h), (high_rho, high_h), arc in self._faces():
-            on = (h >= low_h) & (h <= high_h)
-            if arc is not None:
-                rise = h[on] - arc.h
-                found[on] = arc.rho + np.sqrt(np.maximum(arc.radius * arc.radius - rise * rise, 0.0))
-            elif high_h > low_h:
-                found[on] = low_rho + (h[on] - low_h) * ((high_rho - low_rho) / (high_h - low_h))
+        found = np.where((h < self.bottom_mm) | (h > self.top_mm), 0.0, np.inf)
+        for arc in self.arcs:
+            if arc.high < UP:
+                found = np.minimum(found, arc.on_face(h))
+            on = (h >= arc.at(arc.low)[1]) & (h <= arc.at(arc.high)[1])
+            across = np.sqrt(np.maximum(arc.radius**2 - (h[on] - arc.h) ** 2, 0.0))
+            found[on] = np.minimum(found[on], arc.rho + across)
         return found
-
-    def _faces(self) -> Iterator[tuple[tuple[float, float], tuple[float, float], Arc | None]]:
-        """The outline in parts from below: both ends of each, and its arc where it is one."""
-        for before, arc in pairwise((None, *self.arcs)):
-            assert arc is not None
-            if before is not None:
-                yield before.at(before.high), arc.at(arc.low), None
-            yield arc.at(arc.low), arc.at(arc.high), arc
 
     def outline(self) -> Array:
         """Points (N, 2) of rho and h on its border, whose circles hold the whole body in their hull."""

@@ -132,16 +132,23 @@ def depth(points: Array, tips: Array, axes: Array, tool: Tool) -> float:
     It is a cylinder, or the cone of a taper or about a barrel. What lies below the tip's plane
     the end does not touch. 0 where nothing is reached.
     """
-    deepest, bare, cosine = 0.0, tool_profile.flank(tool), math.cos(tool.taper_rad)
-    for tip, axis in zip(tips.T, axes.T, strict=True):
-        away = points - tip[:, None]
-        height = axis @ away
-        square = np.einsum("ij,ij->j", away, away) - height * height
-        above = height > -1e-6
-        if above.any():
-            gap = np.sqrt(np.maximum(square[above], 0.0)) - bare.radius_mm(height[above])
-            deepest = max(deepest, -float(gap.min()) * cosine)
-    return deepest
+    poses = zip(tips.T, axes.T, strict=True)
+    return max(0.0, *(in_flank(*above(points, tip, axis), tool) for tip, axis in poses))
+
+
+def above(points: Array, tip: Array, axis: Array) -> tuple[Array, Array]:
+    """Of those ``points`` (3, N) that lie above a tip's plane: heights, and distances to the axis (M,)."""
+    away = points - tip[:, None]
+    height = axis @ away
+    square = np.einsum("ij,ij->j", away, away) - height * height
+    those = height > -1e-6
+    return height[those], np.sqrt(np.maximum(square[those], 0.0))
+
+
+def in_flank(height: Array, off: Array, tool: Tool) -> float:
+    """How deep the deepest of points (M,) is in it; below 0 the nearest is so far off it."""
+    cutter = tool_profile.flank(tool).radius_mm(height) - off
+    return float(cutter.max(initial=-np.inf)) * math.cos(tool.taper_rad)
 
 
 def depth_near(cut: Cut, points: Array, at_start: bool, reach_mm: float) -> float:

@@ -24,6 +24,7 @@ from controller.machine.tool_profile import flank
 from controller.motion.motions import JointMove
 from controller.plan.rotaries.branch import joints_along
 from controller.plan.stretch import Stretch
+from controller.plan.surfaces import audit
 from controller.plan.surfaces.cuts import surface_of
 from controller.program.program import Block, CutBlock
 
@@ -175,15 +176,8 @@ def _places(stretch: Stretch) -> Array:
 
 def _depth(points: Array, tip: Array, axis: Array, tool: Tool) -> float:
     """The deepest of ``points`` (3, N) in a tool; below 0 the nearest is so far off it."""
-    away = points - tip[:, None]
-    height = axis @ away
-    above = height > -1e-6
-    if not above.any():
-        return -math.inf
-    height = height[above]
-    off = np.sqrt(np.maximum(np.einsum("ij,ij->j", away[:, above], away[:, above]) - height * height, 0.0))
-    cutter = flank(tool).radius_mm(height) - off
-    deepest = float(cutter.max()) * math.cos(tool.taper_rad)
+    height, off = audit.above(points, tip, axis)
+    deepest = audit.in_flank(height, off, tool)
     for low, high, wide in tool.holder:
         there = (height >= low) & (height <= high)
         if there.any():
