@@ -50,7 +50,7 @@ MACHINE = "machine.json"  # the machine file that the service runs on, complete,
 KINDS = ("offsets", "tools", "shift", "references", "parameters", "pockets", "sisters")
 _OF_TOOLS = (
     "name, radius_mm, length_mm, flute_mm, corner_mm, taper_deg, holder, wear_radius_mm, wear_length_mm, "
-    "centre_cutting"
+    "centre_cutting, end_mm, point_deg, barrel_mm, back_mm"
 )
 Values = Mapping[str, Any]
 _log = logging.getLogger(__name__)

@@ -7,7 +7,8 @@
     {"tools": [{"number": 7, "description": "end mill", "DC": 6.0, "LF": 52.4, "APMX": 15.0, "RE": 0.5}]}
 
 DC is the cutting diameter, LF the functional length, APMX the length that cuts, RE the corner radius, mm;
-TAPER, the half angle of the flank in degrees, is our own. Rows are as ``setup_data.tools_of`` tells them.
+TAPER, the half angle of the flank in degrees, is our own, and so are POINT (degrees), BARREL, END and BACK,
+which only cutters of these forms have. Rows are as ``setup_data.tools_of`` tells them.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ _WORD = re.compile(r"([A-Z])\s*([-+]?(?:\d+\.?\d*|\.\d+))", re.IGNORECASE)
 _LINE = re.compile(rf"\s*(?:{_WORD.pattern}\s*)*", re.IGNORECASE)
 _OFFSETS = "XYABCUVW"  # of tools on lathes and of probes: none are known here
 ISO = {"DC": "radius_mm", "LF": "length_mm", "APMX": "flute_mm", "RE": "corner_mm", "TAPER": "taper_deg"}
+OTHER_FORMS = {"POINT": "point_deg", "BARREL": "barrel_mm", "END": "end_mm", "BACK": "back_mm"}
 MAX_NAME = 60
 
 
@@ -108,8 +110,10 @@ def _iso(row: Row) -> dict[str, Any]:
     values = {**row, "radius_mm": 2.0 * (row["radius_mm"] + row["wear_radius_mm"])}
     values["length_mm"] += row["wear_length_mm"]
     values["taper_deg"] = math.degrees(row["taper_rad"])
+    values["point_deg"] = math.degrees(row["point_rad"]) if row["point_rad"] < math.pi else None
+    forms = {iso: ours for iso, ours in OTHER_FORMS.items() if values[ours]}
     made = {"number": row["number"], "description": row["name"]}
-    return {**made, **{iso: round(values[ours], 9) for iso, ours in ISO.items()}}
+    return {**made, **{iso: round(values[ours], 9) for iso, ours in {**ISO, **forms}.items()}}
 
 
 def read_json(content: str, name: str) -> list[dict[str, Any]]:
@@ -125,7 +129,7 @@ def read_json(content: str, name: str) -> list[dict[str, Any]]:
 
 def _parsed_tool(row: Any, file: str, n: int) -> dict[str, Any]:
     """The nth tool of the list. Raises TableRefused."""
-    known = {"number", "description", *ISO}
+    known = {"number", "description", *ISO, *OTHER_FORMS}
     place: dict[str, object] = {"file": file, "nth": n}
     if not isinstance(row, dict):
         raise TableRefused("no_object", **place, allowed=", ".join(sorted(known)))
@@ -135,7 +139,7 @@ def _parsed_tool(row: Any, file: str, n: int) -> dict[str, Any]:
     if type(number) is not int or not 1 <= number <= 99999:
         raise TableRefused("not_whole", **place, found=repr(number))
     made: dict[str, Any] = {"number": number, "name": str(row.get("description", ""))[:MAX_NAME]}
-    for iso, ours in ISO.items():
+    for iso, ours in {**ISO, **OTHER_FORMS}.items():
         value = row.get(iso)
         if value is None:
             continue

@@ -40,6 +40,15 @@ def test_json_comes_in_as_it_went_out_and_the_machine_takes_it() -> None:
     assert math.degrees(tool.taper_rad) == pytest.approx(3.0)
 
 
+@pytest.mark.parametrize(
+    "form", [{"point_rad": math.radians(118.0)}, {"barrel_mm": 90.0}, {"end_mm": 9.0}, {"back_mm": 0.5}]
+)
+def test_a_cutter_of_another_form_comes_in_as_it_went_out(form: dict[str, float]) -> None:
+    (found,) = tool_files.read_json(tool_files.json_text([row(**form)]), "tools.json")
+    tool = with_tool(MACHINE, 9, {key: value for key, value in found.items() if key != "number"}).tool(9)
+    assert {name: getattr(tool, name) for name in form} == pytest.approx(form)
+
+
 def test_wear_goes_out_with_the_measures() -> None:
     worn = [row(wear_radius_mm=-0.02, wear_length_mm=-0.1, length_mm=50.0)]
     (found,) = tool_files.read_table(tool_files.table_text(worn), "tool.tbl")
