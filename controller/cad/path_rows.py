@@ -20,6 +20,7 @@ from controller.cad.curve import Array, Nurbs
 from controller.geometry.vectors import Vector, unit
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
+from controller.machine.tool_profile import flank_mm
 from controller.messages import TextError, message
 from controller.program import blocks, linked
 from controller.program.program import JointMotion, TipLine
@@ -109,7 +110,7 @@ def _of_program(file: Path, machine: Machine) -> Iterator[Row]:
     def row() -> Iterator[Row]:
         if begun is not None and len(tips) >= MIN_POINTS:
             tool = begun.modal.tool_in(machine)
-            radius, flank = (None, None) if tool is None else (tool.radius_mm, tool.flank_mm)
+            radius, flank = (None, None) if tool is None else (tool.radius_mm, flank_mm(tool))
             number = begun.modal.tool
             yield Row(0, tuple(lines), np.array(tips), np.array(axes), radius, flank, None, number)
 
