@@ -129,6 +129,7 @@ class ServiceStore:
     def close(self) -> None:
         with self._lock:
             self._sql.close()
+        self._put_by()  # on a full disk of what this has set free, without which the next start has no room
 
     # -- facts
 
@@ -207,10 +208,10 @@ class ServiceStore:
         own_files.remove(self.file.with_name(RESERVE))
 
     def _put_by(self) -> None:
-        """The reserve, at the start; a full disk has none to put by."""
+        """The reserve, as far as the disk has it."""
         reserve = self.file.with_name(RESERVE)
         with contextlib.suppress(OSError):
-            if not reserve.exists():
+            if not reserve.exists() or reserve.lstat().st_size < RESERVE_BYTES:
                 with own_files.new(reserve) as file:
                     file.write(bytes(RESERVE_BYTES))
                     os.fsync(file.fileno())
