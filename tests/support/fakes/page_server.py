@@ -30,9 +30,9 @@ from controller.messages import Key, message
 from controller.plan.report.picture import Shape
 from controller.plan.report.verdict import Verdict
 from controller.program import blocks
-from controller.program.effects import moves
 from controller.service import status, usage
 from controller.service.next_step import next_step
+from controller.service.preconditions import moves
 from controller.service.refusals import refused
 from controller.service.usage import Usage
 from controller.state.modes import ALL_AXES, Fault, Mode, fault_message
