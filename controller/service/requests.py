@@ -9,12 +9,14 @@ from __future__ import annotations
 
 import contextlib
 import json
+import logging
 import sqlite3
 import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
+from controller import journald
 from controller.commands.command import Access
 from controller.commands.table import COMMANDS
 from controller.ipc.asker import ROLES, Asker
@@ -22,6 +24,7 @@ from controller.ipc.control_socket import CommandRefused, Values
 from controller.service.refusals import refused
 from controller.store.service_store import ServiceStore
 
+_log = logging.getLogger(__name__)
 NEEDS = {Access.LOOK: "view", Access.STOP: "view", Access.SET_UP: "set_up"}  # others: operate
 MAX_ROWS = 10_000
 MAX_WAITING = 1000
@@ -87,6 +90,10 @@ class Requests:
             marks = ", ".join("?" * len(COLUMNS))
             sql.executemany(f"INSERT INTO requests ({', '.join(COLUMNS)}) VALUES ({marks})", rows)
             sql.execute("DELETE FROM requests WHERE id <= (SELECT max(id) FROM requests) - ?", (MAX_ROWS,))
+        for _, user, role, address, peer, verb, args, why in rows:
+            priority = journald.NOTICE if why else journald.INFO
+            known = journald.fields(priority, user=user, role=role, address=address, peer=peer, request=verb)
+            _log.info("%s %s: %s %s %s", user, address, verb, args, why, extra=known)
         del self._waiting[: len(rows)]
 
 
