@@ -64,12 +64,12 @@ def test_an_alarm_and_a_request_are_found_by_their_fields(journal: socket.socket
     Alarms(store).add("FILE_DAMAGED", message("stopped"))
     assert found(journal.recv(100_000))["PRIORITY"] == "4"
     requests = Requests(store)
-    with requests.noted("stop", {}, Asker("anna\nPRIORITY=0", "operate", "10.0.0.7"), "directrix-panel"):
-        pass
+    with requests.noted("stop", {}, Asker("anna\nPRIORITY=0", "operate", "10.0.0.7"), "panel") as hear:
+        hear({})
     requests.close()
     entry = found(journal.recv(100_000))
     assert entry["DIRECTRIX_USER"] == "anna\nPRIORITY=0" and entry["PRIORITY"] == "6"
-    assert (entry["DIRECTRIX_REQUEST"], entry["DIRECTRIX_PEER"]) == ("stop", "directrix-panel")
+    assert (entry["DIRECTRIX_REQUEST"], entry["DIRECTRIX_PEER"]) == ("stop", "panel")
     store.close()
 
 
