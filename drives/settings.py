@@ -148,8 +148,8 @@ class IoSettings:
 
     Both type 255, ``inputs`` and ``outputs`` bytes long. The TPDO's event timer (1800h:05)
     repeats the inputs every ``inputs_every_s``, so that a change whose frame was lost is
-    not lost; the RPDO goes out on change and once a heartbeat. Analogue outputs 6411h, where
-    the machine has any, are RPDO 2, likewise.
+    not lost; the RPDO goes out on change and once a heartbeat. Analogue outputs 6411h, and an
+    object of a spindle's speed, where the machine has any, are RPDO 2, likewise.
     """
 
     name: str
@@ -159,6 +159,11 @@ class IoSettings:
     inputs: int = 1  # bytes
     outputs: int = 1
     analogue: tuple[int, ...] = ()  # counts of 6411h:01, :02 ... when all is off; none: no such outputs
+    speed_entry: int = 0  # an object behind them, of a spindle: index << 16 | sub << 8 | bits; 0 = none
+    speed_idle: int = 0  # its counts when all is off
+    feedback_entry: int = 0  # what it measures of the spindle's speed; 0 = nothing
+    feedback_tpdo: int = 2  # number of the TPDO with that, repeated every ``feedback_every_s``
+    feedback_every_s: float = 0.02
     heartbeat_s: float = 0.05
     inputs_every_s: float = 0.05  # 0: the node has no event timer; the age of inputs is not judged then
     unsupervised: bool = False  # as of an axis

@@ -10,6 +10,7 @@ from typing import Any
 from controller.machine import compensation, drive_profiles
 from controller.machine.kinematics.slides import Slides
 from controller.machine.model import Axis, Demand, LoadEncoder, Machine, SpindlePosition, Temperature
+from controller.machine.spindle import ANALOGUE_OUTPUT
 from controller.machine.toml_table import ConfigError
 from controller.messages import message
 from drives.settings import (
@@ -86,8 +87,15 @@ def io_settings(machine: Machine) -> tuple[IoSettings, ...]:
     inputs, outputs = (max((bit for _, bit in bits), default=0) // 8 + 1 for bits in (io.inputs, io.outputs))
     made = IoSettings("io", io.bus, io.node, io.eds or str(IO_EDS), inputs, outputs)
     idle = {one.channel: one.counts(one.idle) for one in io.analogue_out}
-    if machine.spindle is not None and (inverter := machine.spindle.inverter) is not None:
+    inverter = machine.spindle.inverter if machine.spindle is not None else None
+    if inverter is not None and inverter.index == ANALOGUE_OUTPUT:
         idle[inverter.channel] = inverter.zero_counts
+    elif inverter is not None:
+        entry = inverter.index << 16 | inverter.channel << 8 | inverter.bits
+        made = replace(made, speed_entry=entry, speed_idle=inverter.zero_counts)
+    if inverter is not None and (told := inverter.feedback) is not None:
+        entry = told.index << 16 | told.channel << 8 | told.bits
+        made = replace(made, feedback_entry=entry, feedback_tpdo=told.tpdo)
     analogue = tuple(idle.get(channel, 0) for channel in range(1, max(idle, default=0) + 1))
     return (replace(made, analogue=analogue, unsupervised=io.unsupervised, overrides=io.overrides),)
 

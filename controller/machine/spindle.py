@@ -14,11 +14,13 @@ from controller.machine.forms import FLAG, POSITIVE, TEXT, Choice, Integer, Numb
 from controller.machine.reading import Reading, Rules
 from controller.messages import Key
 from drives.profile import Override
-from drives.settings import INT32_MAX
+from drives.settings import INT32_MAX, INT32_MIN
 from drives.text_file import Source
 
 WAYS = ("drive", "inverter", "modbus", "hand")
 FRAMES = ("8N1", "8N2", "8E1", "8O1")
+ANALOGUE_OUTPUT, ANALOGUE_INPUT = 0x6411, 0x6401  # 16 bits each (CiA 401)
+INT32 = INT32_MIN, INT32_MAX
 MODES = {"csv": 9, "pv": 3}
 TAPPING_REV_S2 = 50.0  # along a thread, where the file says nothing
 
@@ -84,18 +86,39 @@ class AdaptiveFeed:
 
 
 @dataclass(frozen=True, slots=True)
+class SpeedFeedback:
+    """What the I/O node measures of a spindle that an inverter turns: by a voltage, or by pulses."""
+
+    channel: int = key(Integer(0, 254), "sub-index of the object that the node measures")
+    index: int = key(Integer(0x2000, 0x6FFF), "of that object: 6401h, or a counter's", default=ANALOGUE_INPUT)
+    bits: int = key(Integer(16, 32), "its size: 16 or 32", default=16)
+    tpdo: int = key(Integer(2, 4), "number of the one that takes it", default=2)
+    zero_counts: int = key(Integer(*INT16), "what it measures at a standstill", default=0)
+    full_counts: int = key(Integer(*INT16), "what it measures at `full_rev_min`", default=INT16[1])
+    pulses_per_rev: float = key(
+        Number(0.0, 1e6), "of an object that counts pulses, upwards; 0: it measures a voltage", default=0.0
+    )
+
+
+@dataclass(frozen=True, slots=True)
 class Inverter:
     """An inverter on the I/O node: an analogue output says how fast, ``spindle_run`` whether it turns."""
 
-    channel: int = key(Integer(1, MAX_CHANNELS), "sub-index of 6411h that says how fast")
+    channel: int = key(Integer(0, 254), "sub-index of the object that says how fast")
     full_rev_min: float = key(
         POSITIVE,
         "at which it turns with `full_counts`, as measured (`directrix calibrate spindle`)",
         silent=lambda here: here.above["max_rev_min"],
         left_out="as `max_rev_min`",
     )
-    zero_counts: int = key(Integer(*INT16), "what it is told to stand", default=0)
-    full_counts: int = key(Integer(*INT16), "what it is told for `full_rev_min`", default=INT16[1])
+    index: int = key(
+        Integer(0x2000, 0x6FFF),
+        "of that object: 6411h, or that of a PWM or a frequency",
+        default=ANALOGUE_OUTPUT,
+    )
+    bits: int = key(Integer(16, 32), "its size: 16 or 32", default=16)
+    zero_counts: int = key(Integer(*INT32), "what it is told to stand", default=0)
+    full_counts: int = key(Integer(*INT32), "what it is told for `full_rev_min`", default=INT16[1])
     signed: bool = key(
         FLAG,
         "counts beyond `zero_counts` turn it counter-clockwise (-10 to 10 V); else `spindle_reverse` says so",
@@ -105,6 +128,9 @@ class Inverter:
         Number(0.0, 60.0),
         "after its ramp (`acceleration_rev_s2`), where no input spindle_at_speed says that it is there",
         default=0.5,
+    )
+    feedback: SpeedFeedback | None = key(
+        Sub(SpeedFeedback), "what the node measures of its speed: that counts before all else", default=None
     )
 
     def counts(self, rev_min: float) -> int:
@@ -158,6 +184,9 @@ def _by_modbus(here: Reading) -> bool:
 
 
 def _heard(here: Reading) -> bool:
+    """Whether somebody reports how it turns."""
+    if _inverted(here):
+        return here["inverter"] is not None and here["inverter"].feedback is not None
     return bool(here["by"] in ("drive", "modbus"))
 
 
@@ -253,7 +282,8 @@ class Spindle:
     @property
     def reports_speed(self) -> bool:
         """Whether somebody reports how it turns."""
-        return self.by in ("drive", "modbus")
+        measured = self.inverter is not None and self.inverter.feedback is not None
+        return self.by in ("drive", "modbus") or measured
 
 
 def unasked(spindle: Spindle | None) -> Spindle:
@@ -278,12 +308,28 @@ def _check_inverter(here: Reading) -> None:
     """Every speed is one that the output can be told."""
     if here["full_counts"] == here["zero_counts"]:
         here.table.refuse("full_counts", "no_span")
+    _check_bits(here)
+    if here["index"] == ANALOGUE_OUTPUT and not 1 <= here["channel"] <= MAX_CHANNELS:
+        here.table.refuse("channel", "no_analogue_channel", most=MAX_CHANNELS)
+    size = here["bits"]
+    least, most = INT16 if here["index"] == ANALOGUE_OUTPUT else (-(1 << size - 1), (1 << size) - 1)
     whole = here["full_counts"] - here["zero_counts"]
     share = here.above["max_rev_min"] / here["full_rev_min"] if here.above is not None else 1.0
     for sign in (1.0, -1.0) if here["signed"] else (1.0,):
-        if not INT16[0] <= round(here["zero_counts"] + sign * share * whole) <= INT16[1]:
-            least, most = INT16
+        if not least <= round(here["zero_counts"] + sign * share * whole) <= most:
             here.table.refuse("full_counts", "speed_beyond_counts", least=least, most=most)
+
+
+def _check_bits(here: Reading) -> None:
+    if here["bits"] not in (16, 32):
+        here.table.refuse("bits", "no_word")
+
+
+def _check_measured(here: Reading) -> None:
+    """What is measured tells one speed from another."""
+    _check_bits(here)
+    if not here["pulses_per_rev"] and here["full_counts"] == here["zero_counts"]:
+        here.table.refuse("full_counts", "no_span")
 
 
 def _check_highest(here: Reading) -> None:
@@ -302,7 +348,7 @@ def check_outputs(here: Reading) -> None:
     if io is None or io.output("spindle_run") is None:
         here.table.refuse("by", "no_spindle_run")
     own = here["inverter"].channel
-    if any(out.channel == own for out in io.analogue_out):
+    if here["inverter"].index == ANALOGUE_OUTPUT and any(out.channel == own for out in io.analogue_out):
         here.one_below("inverter").table.refuse("channel", "channel_twice", other=Key("file.an_output_of_io"))
 
 
@@ -339,6 +385,7 @@ def _check_overload(here: Reading) -> None:
 RULES: Mapping[type, Rules] = {
     Spindle: Rules(checks=(_check_speed, _check_mode, _check_load)),
     Inverter: Rules(checks=(_check_inverter,)),
+    SpeedFeedback: Rules(checks=(_check_measured,)),
     Modbus: Rules(checks=(_check_highest,)),
     SpindlePosition: Rules(checks=(_check_counts, _check_tpdo)),
     AdaptiveFeed: Rules(checks=(_check_rise, _check_overload)),

@@ -89,6 +89,11 @@ class IoNode(Protocol):
     def fresh(self, now_s: float, consumer_s: float, /) -> bool: ...
     def write(self, outputs: int, /) -> None: ...
     def write_analogue(self, channel: int, counts: int, /) -> None: ...
+    def write_speed(self, counts: int, /) -> None: ...
+    @property
+    def measured(self) -> int: ...
+    @property
+    def measurements(self) -> int: ...
 
 
 class Clamped:
@@ -148,7 +153,7 @@ class Peripherals:
     ) -> None:
         """``slot``: of an inverter on a serial line; None: nobody answers in it."""
         period_s, io = machine.period_s, machine.io
-        self._inverter = _inverter(machine, bool(nodes), slot)
+        self._inverter = _inverter(machine, nodes, slot)
         self._spindle: SpindleDrive | None = spindle if self._inverter is None else self._inverter
         self._coupling = Coupling(machine, None) if coupling is None else coupling
         self._barred = False  # the door is open, the axes stand: no thread turns the spindle either
@@ -553,16 +558,16 @@ def _masks(io: Io | None) -> tuple[int, int, int]:
     return _mask(io.inputs, ["coolant_flow"]), _mask(io.outputs, ["mist"]), _mask(io.outputs, ["coolant"])
 
 
-def _inverter(machine: Machine, has_node: bool, slot: InverterSlot | None) -> InverterSpindle | None:
+def _inverter(machine: Machine, nodes: Sequence[IoNode], slot: InverterSlot | None) -> InverterSpindle | None:
     """What turns the spindle, where that is no drive of its own."""
     spindle, io = machine.spindle, machine.io
     if spindle is None:
         return None
     if spindle.modbus is not None:
         return ModbusInverter(spindle, spindle.modbus, slot or InverterSlot(), machine.period_s)
-    if spindle.inverter is None or io is None or not has_node:
+    if spindle.inverter is None or io is None or not nodes:
         return None
-    return NodeInverter(spindle, spindle.inverter, io, machine.period_s)
+    return NodeInverter(spindle, spindle.inverter, io, machine.period_s, nodes[0])
 
 
 def _switches(io: Io | None) -> tuple[tuple[int, ...], int]:

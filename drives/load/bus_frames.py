@@ -245,8 +245,10 @@ def _io(rows: _Rows, io: IoSettings, master: MasterSettings) -> None:
     else:
         rows.on_event("inputs", name, name, inputs, io.inputs)
     rows.at_interval("outputs", name, CONTROLLER, outputs, master.heartbeat_s, b"", more=io.outputs)
-    if io.analogue:
-        size = 2 * len(io.analogue)
+    if io.feedback_entry:
+        measured, more = pdo.tpdo(io.feedback_tpdo, io.node), (io.feedback_entry & 0xFF) // 8
+        rows.at_interval("spindle", name, name, measured, io.feedback_every_s / 2.0, b"", more=more)
+    if size := 2 * len(io.analogue) + (io.speed_entry & 0xFF) // 8:
         rows.at_interval(
             "analogue", name, CONTROLLER, pdo.rpdo(2, io.node), master.heartbeat_s, b"", more=size
         )

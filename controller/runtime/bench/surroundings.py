@@ -9,12 +9,12 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
-from controller.machine import nodes
+from controller.machine import nodes, spindle
 from controller.machine.equipment import SENSORS
 from controller.machine.model import Changer, Io, Machine
 from drives.bench.simulated import build
 from drives.bench.simulated.drive import SimulatedDrive
-from drives.bench.simulated.inverter import Inverter, Line, Wiring
+from drives.bench.simulated.inverter import Inverter, Line, Measured, Wiring
 from drives.bench.simulated.io_node import IoNode
 from drives.bench.simulated.parameters import LostSync, Parameters
 from drives.bench.simulated.rig import Rig, rig
@@ -97,7 +97,17 @@ def _wiring(machine: Machine) -> Wiring | None:
         60.0 * spindle.acceleration_rev_s2,
         lines.get("spindle_reverse"),
         lines.get("spindle_at_speed"),
+        told.index,
+        _measured(told),
     )
+
+
+def _measured(told: spindle.Inverter) -> Measured | None:
+    """What the node shows of its speed."""
+    if (one := told.feedback) is None:
+        return None
+    per = (one.full_counts - one.zero_counts) / told.full_rev_min
+    return Measured((one.index, one.channel), one.bits, one.zero_counts, per, one.pulses_per_rev)
 
 
 def devices(

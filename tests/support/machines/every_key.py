@@ -11,12 +11,18 @@ from pathlib import Path
 EVERY = Path(__file__).parents[2] / "controller" / "machine" / "every_key.toml"
 TEXT = EVERY.read_text()
 _BEFORE, _, _REST = TEXT.partition("[spindle]\n")
+_FEEDBACK = (
+    "channel = 1, index = 0x6401, bits = 16, tpdo = 2, zero_counts = 0, full_counts = 300, pulses_per_rev = 0"
+)
 BY_INVERTER = f"""{_BEFORE}[spindle]
 max_rev_min = 12000
 by = "inverter"
 
 [spindle.inverter]
 channel = 4
+index = 0x6411
+bits = 16
+feedback = {{ {_FEEDBACK} }}
 full_rev_min = 12000.0
 zero_counts = 0
 full_counts = 30000
