@@ -376,7 +376,7 @@ CHECKS: Mapping[type, Sequence[Check]] = {
         equipment.check_clamp,
         equipment.check_limits,
     ),
-    Spindle: (_check_devices, spindle.check_outputs),
+    Spindle: (_check_devices, spindle.check_outputs, spindle.check_gears),
     Io: (_check_devices,),
     Sensor: (equipment.check_sensor, equipment.check_probe),
     Changer: (changer_table.check_tools,),

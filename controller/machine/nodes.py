@@ -10,7 +10,7 @@ from typing import Any
 from controller.machine import compensation, drive_profiles
 from controller.machine.kinematics.slides import Slides
 from controller.machine.model import Axis, Demand, LoadEncoder, Machine, SpindlePosition, Temperature
-from controller.machine.spindle import ANALOGUE_OUTPUT
+from controller.machine.spindle import ANALOGUE_OUTPUT, fastest
 from controller.machine.toml_table import ConfigError
 from controller.messages import message
 from drives.settings import (
@@ -60,7 +60,7 @@ def spindle_settings(machine: Machine) -> SpindleSettings | None:
         at_speed_share=spindle.at_speed_share,
         profile=drive_profiles.load(spindle.profile),
         acceleration_rev_s2=spindle.acceleration_rev_s2,
-        most_rev_min=spindle.max_rev_min,
+        most_rev_min=fastest(spindle),
         velocity_unit_counts_s=spindle.stopping.velocity_unit_counts_s,
         acceleration_unit_counts_s2=spindle.stopping.acceleration_unit_counts_s2,
         unsupervised=spindle.unsupervised,

@@ -5,12 +5,23 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 
 from controller.machine import drive_profiles, inverter_profiles
-from controller.machine.axes import BUS, NODE, OVERRIDES, PROFILE, SHEET, UNSUPERVISED, Stopping
+from controller.machine.axes import (
+    BUS,
+    NODE,
+    OF_IO,
+    OVERRIDES,
+    PROFILE,
+    SHEET,
+    UNSUPERVISED,
+    USUAL_SHARE,
+    Stopping,
+)
 from controller.machine.declaration import in_order, key, same_table, shared, spellings
-from controller.machine.equipment import INT16, MAX_CHANNELS
-from controller.machine.forms import FLAG, POSITIVE, TEXT, Choice, Integer, Number, Own, Sub
+from controller.machine.equipment import INT16, MAX_CHANNELS, listed
+from controller.machine.forms import FLAG, NAMES, POSITIVE, TEXT, Choice, Integer, Number, Own, Rows, Sub
 from controller.machine.reading import Reading, Rules
 from controller.messages import Key
 from drives.profile import Override
@@ -108,8 +119,8 @@ class Inverter:
     full_rev_min: float = key(
         POSITIVE,
         "at which it turns with `full_counts`, as measured (`directrix calibrate spindle`)",
-        silent=lambda here: here.above["max_rev_min"],
-        left_out="as `max_rev_min`",
+        silent=lambda here: fastest(here.above),
+        left_out="as `max_rev_min`, or the fastest of the gears",
     )
     index: int = key(
         Integer(0x2000, 0x6FFF),
@@ -165,6 +176,43 @@ class Modbus:
         "nothing heard of it for so long while it is to turn: stopped, with a fault",
         default=1.0,
     )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Gear:
+    """One of several gears between what turns the spindle and the spindle: shifted at a standstill."""
+
+    low_rev_min: float = key(Number(0.0), "least S in it", default=0.0)
+    high_rev_min: float = key(POSITIVE, "largest S in it")
+    turns: float = key(POSITIVE, "of what turns it, in one turn of the spindle")
+    on: tuple[str, ...] = key(NAMES, "outputs of `[io]` that are switched on to shift into it", default=())
+    off: tuple[str, ...] = key(NAMES, "outputs of `[io]` that are switched off", default=())
+    input: str = key(TEXT, "of `[io]`; 1: it is in", may_be=OF_IO)
+    within_s: float = key(Number(0.1, 60.0), "not in by then: held, with a fault", default=10.0)
+    code: str = key(
+        Choice(("", "M41", "M42", "M43", "M44")),
+        "that shifts into it; with none of any gear S chooses: the one that is in, or the first that has it",
+        default="",
+    )
+
+    @property
+    def usual_s(self) -> float:
+        """What a shift is expected to take, s."""
+        return USUAL_SHARE * self.within_s
+
+    def holds(self, rev_min: float) -> bool:
+        """Whether S (1/min) is one of this gear's."""
+        return self.low_rev_min <= rev_min <= self.high_rev_min
+
+    def contradicts(self, other: Gear) -> bool:
+        """Whether no outputs are those of both."""
+        return not {*self.on}.isdisjoint(other.off) or not {*self.off}.isdisjoint(other.on)
+
+
+def fastest(spindle: Spindle | Reading) -> float:
+    """What turns a spindle turns so fast at most (1/min)."""
+    has = spindle.__getitem__ if isinstance(spindle, Reading) else partial(getattr, spindle)
+    return float(max((one.turns * one.high_rev_min for one in has("gears")), default=has("max_rev_min")))
 
 
 def _driven(here: Reading) -> bool:
@@ -262,6 +310,9 @@ class Spindle:
     modbus: Modbus | None = key(
         Sub(Modbus), "how an inverter on a serial line is reached", default=None, needed=True, only=_by_modbus
     )
+    gears: tuple[Gear, ...] = key(
+        Rows(Gear), "gears, each with its speeds", name="gear", default=(), only=_turned
+    )
     adaptive: AdaptiveFeed | None = key(  # None: M52 P1 is refused
         Sub(AdaptiveFeed),
         "its load leads the feed under M52 P1; left out: M52 P1 is refused",
@@ -300,8 +351,8 @@ def _check_speed(here: Reading) -> None:
     if here["counts_per_rev"] == 0.0:
         here.table.refuse("counts_per_rev", "zero_encoder")
     most = INT32_MAX / abs(here["counts_per_rev"]) * 60.0
-    if here["max_rev_min"] > most:
-        here.table.refuse("max_rev_min", "speed_fits", speed=here["max_rev_min"], most=most)
+    if (speed := fastest(here)) > most:
+        here.table.refuse("max_rev_min", "speed_fits", speed=speed, most=most)
 
 
 def _check_inverter(here: Reading) -> None:
@@ -314,7 +365,7 @@ def _check_inverter(here: Reading) -> None:
     size = here["bits"]
     least, most = INT16 if here["index"] == ANALOGUE_OUTPUT else (-(1 << size - 1), (1 << size) - 1)
     whole = here["full_counts"] - here["zero_counts"]
-    share = here.above["max_rev_min"] / here["full_rev_min"] if here.above is not None else 1.0
+    share = fastest(here.above) / here["full_rev_min"] if here.above is not None else 1.0
     for sign in (1.0, -1.0) if here["signed"] else (1.0,):
         if not least <= round(here["zero_counts"] + sign * share * whole) <= most:
             here.table.refuse("full_counts", "speed_beyond_counts", least=least, most=most)
@@ -336,8 +387,39 @@ def _check_highest(here: Reading) -> None:
     """Every speed is one that the set-point's register can be told."""
     profile = inverter_profiles.load(here["profile"])
     most = profile.highest_hz() * here["rev_min_per_hz"]
-    if here.above is not None and here.above["max_rev_min"] > most:
+    if here.above is not None and fastest(here.above) > most:
         here.table.refuse("rev_min_per_hz", "speed_beyond_register", most=most)
+
+
+def _check_gear(here: Reading) -> None:
+    if here["high_rev_min"] <= here["low_rev_min"]:
+        here.table.refuse("high_rev_min", "gear_range", low=here["low_rev_min"])
+
+
+def check_gears(here: Reading) -> None:
+    """Each has its own outputs, input and code, and none is beyond the spindle."""
+    io, rows = here.top["io"], here.below.get("gear", ())
+    switches = () if io is None else tuple((code, name) for code, name, _ in io.m_codes)
+    taken = (*switches, *here.top.one_below("machine")["own_codes"])
+    for n, row in enumerate(rows):
+        for kind, names in (("on", row["on"]), ("off", row["off"])):
+            if lost := [one for one in names if io is None or io.output(one) is None]:
+                row.table.refuse(
+                    kind, "no_output", allowed=listed(io, io.outputs if io else ()), name=lost[0]
+                )
+        if io is None or io.input(row["input"]) is None:
+            row.table.refuse("input", "no_input", allowed=listed(io, io.inputs if io else ()))
+        if row["code"] in dict(taken):
+            row.table.refuse("code", "gear_code_taken")
+        if row["high_rev_min"] > here["max_rev_min"]:
+            row.table.refuse("high_rev_min", "gear_too_fast", most=here["max_rev_min"])
+        for other in here["gears"][:n]:
+            if row["code"] and row["code"] == other.code:
+                row.table.refuse("code", "gear_code_twice")
+            if not here["gears"][n].contradicts(other):
+                row.table.refuse("input", "gears_alike", other=other.input)
+    if here["gears"] and here["position"] is not None:
+        here.table.refuse("position", "thread_of_gears")
 
 
 def check_outputs(here: Reading) -> None:
@@ -386,6 +468,7 @@ RULES: Mapping[type, Rules] = {
     Spindle: Rules(checks=(_check_speed, _check_mode, _check_load)),
     Inverter: Rules(checks=(_check_inverter,)),
     SpeedFeedback: Rules(checks=(_check_measured,)),
+    Gear: Rules(checks=(_check_gear,)),
     Modbus: Rules(checks=(_check_highest,)),
     SpindlePosition: Rules(checks=(_check_counts, _check_tpdo)),
     AdaptiveFeed: Rules(checks=(_check_rise, _check_overload)),

@@ -54,7 +54,20 @@ def _wires(machine: Machine) -> tuple[Wire, ...]:
         asked, there = io.output(io.orient.output) or 0, io.input(io.orient.input) or 0
         turned = (io.orient.output in io.inverted) != (io.orient.input in io.inverted)
         found.append(Wire(asked, there, io.orient.usual_s, turned))
-    return (*found, *_of_changer(machine.changer, io))
+    return (*found, *_of_changer(machine.changer, io), *_of_gears(machine.spindle, io))
+
+
+def _of_gears(turned: spindle.Spindle | None, io: Io) -> list[Wire]:
+    """The switch of each gear follows the first output of its fork."""
+    found = []
+    for gear in () if turned is None else turned.gears:
+        rows = [(one, True) for one in gear.on] + [(one, False) for one in gear.off]
+        name, is_on = rows[0] if rows else ("", True)
+        output, switch = io.output(name), io.input(gear.input)
+        if output is not None and switch is not None:
+            straight = ((name in io.inverted) == (gear.input in io.inverted)) is is_on
+            found.append(Wire(output, switch, gear.usual_s, not straight))
+    return found
 
 
 def _of_changer(changer: Changer | None, io: Io) -> list[Wire]:
