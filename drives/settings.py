@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from drives import pdo
 from drives.pdo import INT32_MAX as INT32_MAX
 from drives.pdo import INT32_MIN as INT32_MIN
 from drives.profile import GENERIC, Override, Profile
@@ -74,6 +75,7 @@ class NodeSettings:
     demand_every: int = 1  # every so many SYNCs
     demand_per_count: float = 1.0  # of that object's unit
     load_tpdo: int = 0  # number of the TPDO with the encoder at the load; 0 = there is none
+    load_node: int = 0  # of an encoder that is a node of its own, and not ours to set up; 0 = the drive tells
     load_entry: int = 0  # what is mapped into it: index << 16 | sub << 8 | 32
     load_every: int = 1  # every so many SYNCs
     load_per_count: float = 1.0  # of that encoder's counts in one of the drive's, signed
@@ -105,9 +107,15 @@ class NodeSettings:
         return next((number for number in range(1, 5) if number not in self.taken_tpdos), 0)
 
     @property
+    def load_can_id(self) -> int:
+        """Of the frames with the encoder at the load."""
+        return pdo.tpdo(self.load_tpdo, self.load_node or self.node)
+
+    @property
     def taken_tpdos(self) -> tuple[int, ...]:
         """Numbers of the TPDOs that something goes by, but for the mode; 0 of what it does not tell."""
-        asked = (self.probe_tpdo, self.temperature_tpdo, self.demand_tpdo, self.load_tpdo)
+        load_tpdo = 0 if self.load_node else self.load_tpdo
+        asked = (self.probe_tpdo, self.temperature_tpdo, self.demand_tpdo, load_tpdo)
         return (self.profile.tpdo, *asked)
 
 

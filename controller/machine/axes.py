@@ -307,6 +307,13 @@ class LoadEncoder:
         scale=_size,
         usual=FOLLOWING,
     )
+    node: int = key(
+        Integer(1, 126),
+        "of an encoder that is a node on the axis' bus, set up to start by itself and to send with SYNC; "
+        "left out: the drive tells it",
+        default=0,
+        left_out="–",
+    )
 
 
 @dataclass(frozen=True, slots=True)

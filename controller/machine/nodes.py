@@ -177,6 +177,7 @@ def _load_settings(axis: Axis, encoder: LoadEncoder) -> dict[str, Any]:
     """Where the encoder at the load is told, and what it may differ by."""
     return {
         "load_tpdo": encoder.tpdo,
+        "load_node": encoder.node,
         "load_entry": encoder.index << 16 | encoder.sub << 8 | 32,
         "load_every": encoder.every,
         "load_per_count": encoder.counts_per_unit / axis.counts_per_unit,
