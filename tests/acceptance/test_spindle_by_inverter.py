@@ -188,10 +188,18 @@ def test_a_fault_of_its_own_stops_the_path_and_it_does_not_turn_again_by_itself(
     assert made.run(PROGRAM).result == "completed"
 
 
-def test_an_emergency_stop_and_a_silent_node_switch_it_off(monkeypatch: pytest.MonkeyPatch) -> None:
-    made, now = _fails(lambda made: made.input(0, False)(), monkeypatch)
+ALL_FAULTS = [
+    one if one == "0 to 10 V, at speed by an input" else pytest.param(one, marks=pytest.mark.slow)
+    for one in WAYS
+    if "alone" not in one
+]
+
+
+@pytest.mark.parametrize("way", ALL_FAULTS)
+def test_an_emergency_stop_and_a_silent_node_switch_it_off(way: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    made, now = _fails(lambda made: made.input(0, False)(), monkeypatch, way)
     assert now.fault is Fault.ESTOP_INPUT and made.real[-1] == 0.0 and not now.outputs
-    made, now = _fails(_cut_off, monkeypatch)
+    made, now = _fails(_cut_off, monkeypatch, way)
     assert now.fault is Fault.IO_LOST and made.real[-1] == 0.0, "by the node itself (6207h)"
 
 
@@ -237,8 +245,9 @@ def test_one_that_slows_down_in_the_cut_is_seen_though_it_is_told_its_speed(
     assert now.fault is Fault.SPINDLE_NOT_AT_SPEED and now.mode is Mode.HOLD
 
 
-def test_a_door_stops_it_at_rest(monkeypatch: pytest.MonkeyPatch) -> None:
-    made, now = _fails(lambda made: made.input(1, False)(), monkeypatch)
+@pytest.mark.parametrize("way", ALL_FAULTS)
+def test_a_door_stops_it_at_rest(way: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    made, now = _fails(lambda made: made.input(1, False)(), monkeypatch, way)
     assert (now.mode, now.fault) == (Mode.HOLD, Fault.DOOR_OPEN) and made.real[-1] == 0.0
 
 
@@ -250,8 +259,9 @@ def test_one_that_does_not_reach_its_speed_holds_the_machine(monkeypatch: pytest
     assert not moving(made)
 
 
-def test_an_override_turns_it_while_the_path_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
-    made = Turned(machine("0 to 10 V, at speed by an input"), monkeypatch)
+@pytest.mark.parametrize("way", ALL_FAULTS)
+def test_an_override_turns_it_while_the_path_goes_on(way: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    made = Turned(machine(way), monkeypatch)
     made.seen.clear()
     assert made.run(PROGRAM, Event(200, Request.SPINDLE_OVERRIDE, 0.5)).result == "completed"
     assert any(abs(one - 3000.0) < 1.0 for one in made.real)
