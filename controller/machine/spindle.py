@@ -402,11 +402,9 @@ def check_gears(here: Reading) -> None:
     switches = () if io is None else tuple((code, name) for code, name, _ in io.m_codes)
     taken = (*switches, *here.top.one_below("machine")["own_codes"])
     for n, row in enumerate(rows):
-        for kind, names in (("on", row["on"]), ("off", row["off"])):
-            if lost := [one for one in names if io is None or io.output(one) is None]:
-                row.table.refuse(
-                    kind, "no_output", allowed=listed(io, io.outputs if io else ()), name=lost[0]
-                )
+        for kind in ("on", "off"):
+            if any(io is None or io.output(name) is None for name in row[kind]):
+                row.table.refuse(kind, "no_output", allowed=listed(io, io.outputs if io else ()))
         if io is None or io.input(row["input"]) is None:
             row.table.refuse("input", "no_input", allowed=listed(io, io.inputs if io else ()))
         if row["code"] in dict(taken):
