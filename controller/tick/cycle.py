@@ -361,9 +361,8 @@ class Cycle:
 
     def _foreseen_row(self, conditions: Conditions) -> Row | None:
         """What the next step was foreseen to come to, if nothing has changed."""
-        if self.stock is None or self._arrived:
-            return None
-        return self.stock.foreseen(conditions, self._replaced_s)
+        stock = self.stock
+        return None if stock is None or self._arrived else stock.foreseen(conditions, self._replaced_s)
 
     def repeat(self, now_s: float) -> None:
         """A tick in which nothing happens (``idle``): what the last one has said and left, again."""
@@ -605,7 +604,7 @@ class Cycle:
         self.coupling.again = None if self.again is None else self.again.thread
         running = running and not self._waits
         go = follow.goes(running, modes.override, modes.rapid_override)
-        self._along_path(go, self._foreseen_row(self._conditions()))
+        self._along_path(go, None if self.stock is None else self._foreseen_row(self._conditions()))
 
     def _along_path(self, go: bool, foreseen: Row | None) -> None:
         """One step of the path, and what comes of it; one that is ``foreseen`` was judged then."""
