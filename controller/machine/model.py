@@ -20,6 +20,7 @@ from controller.machine.axes import Following as Following
 from controller.machine.axes import Homing as Homing
 from controller.machine.axes import Kind as Kind
 from controller.machine.axes import Limits as Limits
+from controller.machine.axes import LoadEncoder as LoadEncoder
 from controller.machine.axes import Sense as Sense
 from controller.machine.axes import Stopping as Stopping
 from controller.machine.axes import Temperature as Temperature

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 from functools import cache
 
 from controller.machine.model import Machine
-from controller.program import foreign_codes, own_codes
+from controller.program import foreign, own_codes
 from controller.program.code_rows import AXES, Code, Fate, key_of
 from controller.program.code_table import BY_DIALECT
 from controller.program.program import Place, ProgramError
@@ -176,7 +176,7 @@ def _unknown(line: Line, word: Word, dialect: str) -> ProgramError:
         if row.fate is Fate.REFUSED:
             return line.refusal(word, "code.not_done", **row.refused_with())
         return line.refusal(word, "code.other_dialect", dialect=other)
-    if (uses := foreign_codes.known_uses(f"{word.letter}{word.value:g}")) is not None:
+    if (uses := foreign.known_uses(f"{word.letter}{word.value:g}")) is not None:
         return line.refusal(word, "code.foreign", **uses)
     done = (code.name for code in BY_DIALECT[dialect].values() if code.fate is Fate.DONE)
     known = sorted((c for c in done if c[0] == word.letter), key=lambda c: float(c[1:]))

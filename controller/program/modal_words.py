@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from controller.machine.model import OFFSETS, Machine, Spindle
 from controller.messages import Key, message
-from controller.program import output_words, planar_words, tool_change_words
+from controller.program import output_words, planar_words
 from controller.program.codes import SURFACES, ParsedLine
 from controller.program.modal import (
     BLU_PER_MM,
@@ -216,7 +216,7 @@ class _Settings:
 
     def _carry(self, word: Word, before: Modal) -> None:
         """The steps of a changer; behind them coolant is as it was, and none of their stops is the end."""
-        made, marks = tool_change_words.blocks(
+        made, marks = output_words.blocks(
             self.ask, word, before, self.state.modal, self._machine, self.state.marks
         )
         self.made += made

@@ -98,6 +98,7 @@ class Cycle:
         self.modes, self.follow, self.jogging = parts.modes, parts.follow, parts.jogging
         self.coupling, self.peripherals, self.adaptive = parts.coupling, parts.peripherals, parts.adaptive
         self.sync, self.probing, self.answers = parts.sync, parts.probing, parts.answers
+        self.limit_switches = parts.limit_switches
         self._encoder, self._check, self.stock = parts.encoder, parts.check, parts.stock
         self._replaced_s = math.inf  # plan time from which on the queue was replaced in this tick
         self._assumed = STANDING  # by what the last tick has published
@@ -557,6 +558,9 @@ class Cycle:
             own = self.follow.own_feed  # M49 takes all overrides
             share = 1.0 if own else self.modes.spindle_override
             self.peripherals.watch(now_s, self.modes, self._encoder.actual, standing, ticks, share)
+        if self.limit_switches.present and self.again is None:
+            inputs, new, last = self.peripherals.inputs, self.follow.joints, self.follow.last
+            self.limit_switches.watch(inputs, self.modes, new, last, self._encoder.actual, ticks)
         if self.adaptive.present:
             self._adapt(ticks)
         if self.probing.present:

@@ -20,6 +20,7 @@ import numpy.typing as npt
 
 from controller.geometry import series as jets
 from controller.geometry.arrays import distinct
+from controller.machine.model import Machine
 from controller.plan.feed.course import FeedCourse, Index
 from controller.plan.rotaries.branch import joints_along
 from controller.plan.surfaces.rates import Derivatives, derivatives
@@ -43,8 +44,7 @@ class ToolRates:
         return np.hypot(self.along * a + self.bend_along * v * v, self.bend_across * v * v)
 
 
-def has_limits(course: FeedCourse) -> bool:
-    machine = course.machine
+def has_limits(machine: Machine) -> bool:
     return machine.tip_acceleration_mm_s2 is not None or machine.axis_speed_rad_s is not None
 
 
@@ -66,7 +66,7 @@ def rates(course: FeedCourse, s: Array, index: Index) -> ToolRates:
 
 def rates_in(course: FeedCourse, s: Array, index: Index) -> ToolRates | None:
     """The same, or None where the machine has no such limits."""
-    return rates(course, s, index) if has_limits(course) else None
+    return rates(course, s, index) if has_limits(course.machine) else None
 
 
 def _of_joints(q: Array, d: Derivatives, course: FeedCourse, length_mm: float) -> ToolRates:

@@ -255,7 +255,7 @@ REFUSED = [
         '[machine]: sync = "kernel": is not to be chosen any more, .*; leave the key out',
     ),
     ('kind = "linear"', 'kind = "liner"', "[[axis]] X: kind = \"liner\": .*'linear'"),
-    ("direction = [1, 0, 0]", "direction = [-1, 0, 0]", "X: direction = [-1, .*: X Y Z are the machine"),
+    ("direction = [1, 0, 0]", "direction = [-1, 0, 0]", "X: direction = [-1, .*: 30 degrees at most"),
     ("direction = [1, 0, 0]", "direction = [0, 0, 0]", "X: direction = [0, 0, 0]: has no length"),
     ("velocity_mm_s = 200.0", "velocity_mm_s = 0", "X: velocity_mm_s = 0: is not above zero"),
     ("velocity_mm_s = 200.0", "velocity_mm_s = true", "X: velocity_mm_s = True: is not a finite number"),

@@ -69,5 +69,5 @@ def test_a_law_keeps_the_limits_of_tip_and_axis_and_uses_them(tip: float | None,
 
 def test_without_such_limits_nothing_is_asked_of_the_tool() -> None:
     course = courses(shipped())[0]
-    assert not tool_limits.has_limits(course)
+    assert not tool_limits.has_limits(course.machine)
     assert tool_limits.rates_in(course, np.array([1.0]), np.array([0])) is None
