@@ -64,8 +64,9 @@ class ParsedLine:
         if not others:
             return self
         words = {letter: word for letter, word in self.words.items() if letter not in others}
-        made = (self.line, self.codes, words, self.switches, self.next_tool, self.dialect, self.polar)
-        return ParsedLine(*made, self.takers, self.lenient)  # by hand: ``replace`` takes four times as long
+        made = (self.line, self.codes, words, self.gear, self.switches, self.next_tool, self.dialect)
+        # By hand: ``replace`` takes four times as long.
+        return ParsedLine(*made, self.polar, self.takers, self.lenient)
 
     def word(self, code: str, letter: str) -> Word | None:
         """The word of a letter, where no other code takes it."""
