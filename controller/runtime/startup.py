@@ -131,6 +131,11 @@ class StartUp:
     def _set_mode(self, node: NodeSettings, mode: int) -> None:
         commission.set_mode(self._networks[node.bus], node, mode)
 
+    def terminals(self, axis: int) -> int | None:
+        """What the drive of an axis sees at its terminals; None: it does not say. Raises CommissionError."""
+        node = self._nodes[axis]
+        return commission.terminals(self._networks[node.bus], node)
+
     def _reach(self, request: Request, value: float, wanted: Mode) -> None:
         for _ in range(INPUT_TRIES):
             mode, fault = self._ask(request, value, wanted)
