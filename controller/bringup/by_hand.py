@@ -51,7 +51,14 @@ def switches(step: Step, site: Site) -> Outcome:
         for name in SWITCHES:
             needed = method in NEEDED[name]
             what = message(f"bringup.switch.{name}", axis=step.of)
-            _worked(site, f"switch.{step.of}.{name}", name, read, outcome, what, needed)
+            if not read()[name]:
+                _worked(site, f"switch.{step.of}.{name}", name, read, outcome, what, needed)
+            elif needed:  # the machine was homed by it
+                outcome.figures.append(message("bringup.figure.homed_on", what=what))
+            else:  # of a limit switch it is wrong; a reference switch that nothing uses may be anything
+                list_of = outcome.figures if name == "home" else outcome.findings
+                list_of.append(message("bringup.stands_on", what=what))
+    outcome.good = not outcome.findings
     return outcome
 
 

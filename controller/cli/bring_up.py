@@ -41,6 +41,7 @@ def bring_up(
     again: Annotated[bool, typer.Option("--again")] = False,
     yes: Annotated[list[str] | None, typer.Option("--yes", metavar="STEP")] = None,
     value: Annotated[list[str] | None, typer.Option("--value", metavar="STEP=VALUE")] = None,
+    skip: Annotated[list[str] | None, typer.Option("--skip", metavar="STEP=REASON")] = None,
     part: Annotated[Path | None, typer.Option("--part", metavar="PROGRAM")] = None,
     list_only: Annotated[bool, typer.Option("--list")] = False,
     take_over: TakeOver = False,
@@ -59,10 +60,13 @@ def bring_up(
     with refusals(as_json, _expected):
         made = machine_file.load(machine)
         steps = declared.steps(made)
+        skipped = _skipped(skip or [], steps)
         answers = Answers(_named(yes or [], steps), _values(value or [], steps), as_json)
         chosen = _named(step or [EVERY], steps)
         own_files.make_folder(folder)
         protocol = protocols.opened(folder, made, simulate)
+        for name, reason in skipped.items():
+            protocol.skip(name, reason)
         todo = [one for one in steps if one.name in chosen and (again or one.name not in protocol.done)]
         with contextlib.ExitStack() as ending:
             opener = (
@@ -260,6 +264,17 @@ def _values(pairs: Sequence[str], steps: Sequence[Step]) -> dict[str, float]:
             found[name] = _finite(number)
         except ValueError:
             raise Misunderstood(console.say("bringup.no_number", found=pair)) from None
+    return found
+
+
+def _skipped(pairs: Sequence[str], steps: Sequence[Step]) -> dict[str, str]:
+    """The reason of each step that is left out; one of a kind is that of all of it. Raises Misunderstood."""
+    found: dict[str, str] = {}
+    for pair in pairs:
+        name, _, reason = pair.partition("=")
+        if not reason.strip():
+            raise Misunderstood(console.say("bringup.no_reason", found=pair))
+        found |= dict.fromkeys(_named([name], steps), reason)
     return found
 
 

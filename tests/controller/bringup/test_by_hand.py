@@ -120,6 +120,19 @@ def test_switches_are_known_apart_and_one_that_homing_needs_may_not_be_missing(t
         assert done(Bench(own, {"X.negative": ""}), "switches.X", tmp_path).good is good
 
 
+@pytest.mark.parametrize(
+    ("method", "word", "good"), [(24, 4, True), (24, 1, False), (17, 1, True), (37, 4, True)]
+)
+def test_an_axis_that_stands_on_a_switch_was_homed_by_it_or_has_to_leave_it(
+    method: int, word: int, good: bool, tmp_path: Path
+) -> None:
+    x = SHOP.axes[0]
+    own = replace(SHOP, axes=(replace(x, homing=replace(x.homing, method=method)), *SHOP.axes[1:]))
+    found = done(Bench(own, _word=word), "switches.X", tmp_path)
+    assert found.good is good and len(found.figures) == (3 if good else 2)
+    assert keys(found.findings) == ([] if good else ["bringup.stands_on"])
+
+
 @pytest.mark.parametrize(("clamp_s", "good"), [(0.05, True), (5.0, False), (100.0, False)])
 def test_a_clamp_is_timed_by_its_input(clamp_s: float, good: bool, tmp_path: Path) -> None:
     found = done(Bench(clamp_s=clamp_s), "clamp.A", tmp_path)
