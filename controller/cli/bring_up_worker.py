@@ -23,6 +23,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+from controller import own_files
 from controller.bringup import protocol as protocols
 from controller.bringup import report
 from controller.bringup import steps as declared
@@ -55,7 +56,9 @@ def conducted(job: dict[str, Any]) -> Message | None:
     machine = setup_data.machine(Path(job["state"]))
     steps = declared.steps(machine)
     (step,) = [one for one in steps if one.name == job["step"]]
-    protocol = protocols.opened(Path(job["state"]) / protocols.FOLDER, machine, simulated=False)
+    kept = Path(job["state"]) / protocols.FOLDER
+    own_files.make_folder(kept)
+    protocol = protocols.opened(kept, machine, simulated=False)
     with (
         tempfile.TemporaryDirectory() as folder,
         remote.client(job["url"], job["headers"], own=True) as http,
