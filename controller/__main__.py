@@ -64,6 +64,7 @@ COMMANDS = {command: file for file, commands in FILES.items() for command in com
 
 OF_A_RUNNING_CONTROLLER = ("client", "commands", "client_lists")  # files whose commands --help lists apart
 PANEL = "help_frame.production"  # their headline
+FROM_A_CHECKOUT = ("bench", "soak")  # files for who works on the controller: --help lists none of theirs
 
 
 class Commands(TyperGroup):
@@ -104,7 +105,9 @@ class Commands(TyperGroup):
 
 def _listed(name: str) -> TyperCommand:
     """What stands for a command in a list."""
-    listed = TyperCommand(name, rich_help_panel=PANEL if COMMANDS[name] in OF_A_RUNNING_CONTROLLER else None)
+    file = COMMANDS[name]
+    panel = PANEL if file in OF_A_RUNNING_CONTROLLER else None
+    listed = TyperCommand(name, rich_help_panel=panel, hidden=file in FROM_A_CHECKOUT)
     help_texts.put_own(listed, name)
     return listed
 

@@ -68,6 +68,7 @@ class Fault(IntEnum):
     BUS_FLOODED = 53
     STOCK_USED_UP = 54
     TICK_LATE = 55
+    LOAD_OFF = 56
 
 
 class Reaction(IntEnum):

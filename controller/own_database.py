@@ -17,6 +17,7 @@ from controller import own_files
 from drives.texts import message
 
 BESIDE = ("-wal", "-shm")
+MODE = 0o640  # SQLite gives -wal and -shm the same
 WAIT_S = 10.0  # for another process to end its transaction; all of them are short
 
 
@@ -30,7 +31,7 @@ class Connection(sqlite3.Connection):
             raise sqlite3.DatabaseError(f"its schema is damaged ({error.reason})") from error
 
 
-def opened(file: Path, shared: bool = False) -> sqlite3.Connection:
+def opened(file: Path) -> sqlite3.Connection:
     """Opens, or makes, a SQLite file that is written ahead (WAL), in no transaction; for any thread.
 
     SQLite itself follows a link in the place of the database. It also rolls back a journal that it finds
@@ -41,15 +42,14 @@ def opened(file: Path, shared: bool = False) -> sqlite3.Connection:
     """
     with own_files.folder(file.parent) as at:
         with contextlib.suppress(FileExistsError):
-            mode = 0o660 if shared else 0o640  # SQLite gives -wal and -shm the same
-            made = os.open(file.name, os.O_RDWR | os.O_CREAT | os.O_EXCL | own_files.FLAGS, mode, dir_fd=at)
-            os.fchmod(made, mode)
+            flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | own_files.FLAGS
+            made = os.open(file.name, flags, MODE, dir_fd=at)
+            os.fchmod(made, MODE)
             own_files.give(made, at)
             os.close(made)
         # Looked at without being opened: to close one would give up SQLite's locks of this process.
-        owner = None if shared else os.fstat(at).st_uid
-        if owner is not None:
-            _remove_what_a_reader_left(file, at, owner)
+        owner = os.fstat(at).st_uid
+        _remove_what_a_reader_left(file, at, owner)
         facts = _seen(file, at, owner)
         if facts.st_size:
             own_files.remove(file.with_name(f"{file.name}-journal"))
@@ -106,7 +106,7 @@ def reading(file: Path) -> Iterator[sqlite3.Connection]:
         yield sql
 
 
-def _seen(file: Path, at: int, owner: int | None) -> os.stat_result:
+def _seen(file: Path, at: int, owner: int) -> os.stat_result:
     """Facts of the file, which is what it should be, as is what stands beside it. Raises OSError."""
     for end in BESIDE:
         with contextlib.suppress(FileNotFoundError):

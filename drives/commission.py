@@ -107,13 +107,14 @@ def commission(
 def on_paper(
     settings: Settings, master: MasterSettings, bit_rate: int = 0
 ) -> tuple[list[Message], list[Message]]:
-    """What ``commission`` would refuse of a node before a frame is sent, and what it would warn of."""
+    """What ``commission`` would refuse of a node that has its sheet's defaults, and what it would warn of."""
     try:
         about = sheet.of(settings)
     except sheet.SheetError as error:
         return [of_drive(settings, error)], []
     problems, warned = _of_paper(settings, master, about, bit_rate)
-    warned = (*warned, *possible.unit_problems(settings, about), *identity.contradictions(about))
+    problems = (*problems, *possible.unit_problems(settings, about))
+    warned = (*warned, *identity.contradictions(about))
     return [of_drive(settings, one) for one in problems], [of_drive(settings, one) for one in warned]
 
 

@@ -19,6 +19,7 @@ MODE_EVERY_MS = 50  # a drive tells its mode when it changes, and so often where
 TEMPERATURE_EVERY_MS = 500  # a drive tells its temperature at most so often
 
 
+ADDITIONAL_POSITION = 0x60E4  # of a second encoder (CiA 402-2)
 DEMAND, OFF_DEMAND = 0x60FC, 0x60F4  # what a drive tells of the setpoint that it goes by
 
 
@@ -72,6 +73,11 @@ class NodeSettings:
     demand_index: int = DEMAND  # what is mapped into it: that setpoint, or 60F4h, by which it is off it
     demand_every: int = 1  # every so many SYNCs
     demand_per_count: float = 1.0  # of that object's unit
+    load_tpdo: int = 0  # number of the TPDO with the encoder at the load; 0 = there is none
+    load_entry: int = 0  # what is mapped into it: index << 16 | sub << 8 | 32
+    load_every: int = 1  # every so many SYNCs
+    load_per_count: float = 1.0  # of that encoder's counts in one of the drive's, signed
+    most_load_off_counts: float = math.inf  # between the two, since homing
     setpoint_deadline_s: float = 0.0  # 1400h:05; 0 = as for our heartbeat
     feed_forward: bool = False  # the velocity goes with the target (60B1h); the controlword apart
     enable_group: int = 0  # drives are enabled group by group, lowest first, and disabled in reverse
@@ -96,8 +102,13 @@ class NodeSettings:
     @property
     def mode_tpdo(self) -> int:
         """Number of the TPDO with the mode of operation display (6061h): the first that is free; 0 = none."""
-        taken = (self.profile.tpdo, self.probe_tpdo, self.temperature_tpdo, self.demand_tpdo)
-        return next((number for number in range(1, 5) if number not in taken), 0)
+        return next((number for number in range(1, 5) if number not in self.taken_tpdos), 0)
+
+    @property
+    def taken_tpdos(self) -> tuple[int, ...]:
+        """Numbers of the TPDOs that something goes by, but for the mode; 0 of what it does not tell."""
+        asked = (self.probe_tpdo, self.temperature_tpdo, self.demand_tpdo, self.load_tpdo)
+        return (self.profile.tpdo, *asked)
 
 
 @dataclass(frozen=True, slots=True)

@@ -184,6 +184,8 @@ ELSEWHERE: dict[str, tuple[str, str]] = {
             "--hours 8 --period-ms 1 --report after.html",
         )
     },
+    "import wall.cls --list": ("controller/cli/test_cad_path.py", '"--list"'),
+    "import wall.cls --faces all --tolerance 0.005": ("controller/cli/test_cad_path.py", '"--faces"'),
     "import part.step --list --plot part.svg": ("controller/cli/test_cad.py", '"--plot"'),
     "import wheel.step --faces blades --turn X90 --verify": ("controller/cli/test_cad.py", '"--verify"'),
     "import part.step --faces 3,7,4 --turn X90 --move 0,0,12 --feed 400 --out part.ngc": (
@@ -200,6 +202,7 @@ ELSEWHERE: dict[str, tuple[str, str]] = {
     "service uninstall": ("guest/systemd/conftest.py", '"uninstall"'),
     "serve --simulate": ("support/live/shop.py", '"--simulate"'),
     "state check": ("controller/cli/test_state.py", '"state", "check"'),
+    "state requests": ("controller/cli/test_state.py", '"state", "requests"'),
     "support case.zip": ("controller/cli/test_support.py", '"support"'),
     "withdraw": ("controller/service/test_command_handlers.py", '"withdraw"'),
 }

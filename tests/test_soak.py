@@ -86,7 +86,7 @@ def test_a_joint_that_is_set_too_far_is_seen_and_kept_with_its_tick(
         return judge(self, *more)  # type: ignore[arg-type]
 
     monkeypatch.setattr(Cycle, "_judge", jumps)
-    monkeypatch.setattr(Stock, "has_judged", lambda *_: False)  # each tick judges its step itself
+    monkeypatch.setattr(Stock, "foreseen", lambda *_: None)  # each tick judges its step itself
     found = soak.soak(SEED, 600.0, tmp_path, SOUND, 1)
     (folder,) = map(Path, found.kept)
     facts = json.loads((folder / "soak.json").read_text())

@@ -25,8 +25,11 @@ from fastapi import Depends, Header
 from starlette.requests import HTTPConnection
 
 from controller.api.answers import Refusal
+from controller.api.quotas import Owner
 from controller.api.roles import Principal, Role
+from controller.api.service_client import asker
 from controller.commands.table import REPEATED
+from controller.ipc.asker import Asker
 from controller.messages import Key
 
 if TYPE_CHECKING:
@@ -53,11 +56,11 @@ def panel_of(connection: HTTPConnection) -> Panel:
     return found
 
 
-def needs(role: Role) -> Any:
-    """A dependency: who asks must have this role."""
+def needs(role: Role, again: bool = False) -> Any:
+    """A dependency: who asks must have this role; ``again``: and, in a session, given the password again."""
 
     async def allowed(connection: HTTPConnection) -> Principal:
-        return await _checked(connection, role)
+        return await _checked(connection, role, again)
 
     return Depends(_marked(allowed, role, False))
 
@@ -102,7 +105,7 @@ def _marked(guard: Guard, role: Role, control: bool) -> Guard:
     return guard
 
 
-async def _checked(connection: HTTPConnection, role: Role) -> Principal:
+async def _checked(connection: HTTPConnection, role: Role, again: bool = False) -> Principal:
     panel, name = panel_of(connection), ""
     try:
         who = await _claimed(connection)
@@ -111,12 +114,20 @@ async def _checked(connection: HTTPConnection, role: Role) -> Principal:
     except Refusal as refusal:
         note_refused(connection, name, _action(connection), refusal)
         raise
+    asker.set(Asker(who.name, who.role.label, address(connection)))
     allowed = who.role >= role
     if not allowed or _method(connection) not in SAFE:
         _audit(panel, connection, who, allowed)
     if not allowed:
         raise Refusal.of(403, "role", "role", name=who.name, has=who.role.label, needs=role.label)
+    if again and who.how == "session" and not panel.users.is_confirmed(cookie_of(connection)):
+        raise Refusal.of(403, "confirm", "confirm", name=who.name)
     return who
+
+
+def cookie_of(connection: HTTPConnection) -> str:
+    """Of a session; empty where there is none."""
+    return connection.cookies.get(COOKIE, "")
 
 
 async def _check_seen(connection: HTTPConnection, seen: str, most_s: float) -> None:
@@ -149,7 +160,7 @@ async def _claimed(connection: HTTPConnection) -> Principal:
         if who := await users.by_token(token):
             return who
         raise _unknown("unknown_token")
-    if who := users.by_cookie(connection.cookies.get(COOKIE, "")):
+    if who := users.by_cookie(cookie_of(connection)):
         return who
     users.check_lost()
     raise _unknown("not_logged_in")
@@ -229,6 +240,11 @@ def _method(connection: HTTPConnection) -> str:
 def address(connection: HTTPConnection) -> str:
     """Where a request comes from, for the audit log."""
     return connection.client.host if connection.client else ""
+
+
+def owner_of(connection: HTTPConnection, who: Principal) -> Owner:
+    """Whom quotas are counted for."""
+    return who.name, address(connection)
 
 
 def _action(connection: HTTPConnection) -> str:

@@ -14,6 +14,7 @@ from controller.api.database import StoreError
 from controller.api.events import Events
 from controller.api.go_on import GoOn
 from controller.api.notices import Notices
+from controller.api.quotas import MAX_UPLOADS, Quota
 from controller.api.roles import Control
 from controller.api.run_verdicts import RunVerdicts
 from controller.api.service_client import ServiceClient, Watch
@@ -39,6 +40,7 @@ class Panel:
         self.anybody_stops = anybody_stops  # also who may only look: hold, stop and e-stop
         self.store, self.checker = store, checker
         self.door = self.watch = Watch(door)
+        self.uploading = Quota("upload_many_of_one", MAX_UPLOADS)
         self.drafts = Drafts(store)
         self.saving = asyncio.Lock()  # a back-up
         self.measuring = Errand(MEASURE_WORKER, LONGEST_MEASUREMENT_S)

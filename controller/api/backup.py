@@ -180,10 +180,10 @@ def _unpacked(store: Store, contents: Contents) -> Iterator[dict[str, Path]]:
         _fits(store, contents, archive)
         for sha256 in set(contents.programs.values()):
             staged[sha256] = store.programs.incoming / f"restore-{secrets.token_hex(8)}"
-            tidy.callback(own_files.remove, staged[sha256], store.folder)
+            tidy.callback(own_files.remove, staged[sha256], store.own)
             with (
                 archive.open(member_of(sha256)) as part,
-                own_files.new(staged[sha256], store.folder, MODE) as out,
+                own_files.new(staged[sha256], store.own, MODE) as out,
             ):
                 shutil.copyfileobj(part, out, CHUNK)
                 out.flush()
@@ -205,10 +205,10 @@ def _fits(store: Store, contents: Contents, archive: zipfile.ZipFile) -> None:
 def _enter(store: Store, contents: Contents, staged: dict[str, Path], sql: sqlite3.Connection) -> None:
     """Names, contents and settings, within one transaction. A content that no name points at is swept."""
     programs, now_s = store.programs, store.programs.now_s()
-    facts = {sha256: _facts(file, store.folder) for sha256, file in staged.items()}
+    facts = {sha256: _facts(file, store.own) for sha256, file in staged.items()}
     for sha256, file in staged.items():
-        own_files.rename(file, programs.path(sha256), store.folder)
-    atomic_file.sync(programs.folder, store.folder)
+        own_files.rename(file, programs.path(sha256), store.own)
+    atomic_file.sync(programs.folder, store.own)
     for name, sha256 in contents.programs.items():
         programs.enter(Program(name, sha256, *facts[sha256], now_s, BY), sql)
     settings = notice_settings.restored(store.settings.all(), contents.settings)

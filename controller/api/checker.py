@@ -13,7 +13,6 @@ import contextlib
 import hashlib
 import json
 import os
-import queue
 import subprocess
 import sys
 import threading
@@ -24,6 +23,7 @@ from typing import IO, Any
 
 from controller.api.answers import Refusal
 from controller.api.programs import Program, ProgramCheck
+from controller.api.quotas import NOBODY, Owner, Turns
 from controller.api.store import Store, StoreError
 from controller.machine import setup_data
 from controller.messages import message
@@ -39,7 +39,7 @@ class Checker:
     def __init__(self, store: Store, worker: tuple[str, ...] = WORKER) -> None:
         self._store, self._worker = store, worker
         self.tell: Callable[[str], object] = lambda _: None  # the name of what is checked; in the thread
-        self._waiting: queue.SimpleQueue[tuple[Program, str] | None] = queue.SimpleQueue()
+        self._waiting = Turns[tuple[Program, str]]()
         self._child: subprocess.Popen[str] | None = None
         self._closed = False
         self._pending: set[tuple[str, str]] = set()  # content and machine of what waits or runs here
@@ -56,8 +56,15 @@ class Checker:
         """What is known of a program on the machine as it is fitted now. Raises StoreError."""
         return self._store.checks.get(program.sha256, self.machine())
 
-    def ask(self, program: Program) -> None:
-        """Have a program checked, unless it was or will be. Raises StoreError."""
+    def waiting(self, owner: Owner) -> int:
+        """How many programs of an asker wait."""
+        return self._waiting.count(owner)
+
+    def ask(self, program: Program, owner: Owner | None = None) -> None:
+        """Have a program checked, unless it was or will be; ``owner``: who asks, None: who uploaded it.
+
+        Raises StoreError.
+        """
         machine = self.machine()
         asked = (program.sha256, machine)
         with self._lock:
@@ -66,7 +73,7 @@ class Checker:
                 return
             self._pending.add(asked)
         self._store.checks.set(*asked, "waiting")
-        self._waiting.put((program, machine))
+        self._waiting.put(owner or (program.uploaded_by, ""), (program, machine))
 
     def look(self) -> None:
         """Ask for all that came in by other ways, and for what a panel that ended has left.
@@ -83,13 +90,13 @@ class Checker:
             self._closed = True
             if self._child is not None:
                 self._child.kill()
-        self._waiting.put(None)
+        self._waiting.end()
         self._thread.join()
 
     # ---- in the thread
 
     def _run(self) -> None:
-        while (asked := self._waiting.get()) is not None and not self._closed:
+        while (asked := self._waiting.take()) is not None and not self._closed:
             program, machine = asked
             with contextlib.suppress(StoreError):  # the store is full or gone; the program stays unchecked
                 state, result = self._checked(program, machine)
@@ -173,31 +180,35 @@ def _bytes(file: Path) -> bytes:
         return b""
 
 
-# What takes seconds and is asked for now is done in a process of its own, one at a time, and none for long.
+# What takes seconds and is asked for now is done in a process of its own, one at a time for each asker, and
+# none for long.
 
 DRAFT_WORKER = (sys.executable, "-m", "controller.cli.draft_worker")
 LONGEST_DRAFT_S = 20.0
 MEASURE_WORKER = (sys.executable, "-m", "controller.cli.measure_worker")
 LONGEST_MEASUREMENT_S = 120.0
+AT_ONCE = 2  # of different askers
 
 
 class Errand:
     """A worker that is given a job as JSON, and answers by JSON."""
 
     def __init__(self, worker: tuple[str, ...], longest_s: float) -> None:
-        self._worker, self.longest_s, self._busy = worker, longest_s, False
+        self._worker, self.longest_s, self._busy = worker, longest_s, set[Owner]()
 
-    async def run(self, job: dict[str, Any], busy: Exception, failed: Exception) -> dict[str, Any]:
-        """Raises ``busy`` while it has another one, ``failed`` where it gives no answer in time."""
-        if self._busy:
+    async def run(
+        self, job: dict[str, Any], busy: Exception, failed: Exception, owner: Owner = NOBODY
+    ) -> dict[str, Any]:
+        """Raises ``busy`` while it has another of the asker, ``failed`` where it gives no answer in time."""
+        if owner in self._busy or len(self._busy) >= AT_ONCE:
             raise busy
-        self._busy = True
+        self._busy.add(owner)
         try:
             return await asyncio.wait_for(self._run({**job, "parent": os.getpid()}), self.longest_s)
         except (OSError, ValueError, TimeoutError):
             raise failed from None
         finally:
-            self._busy = False
+            self._busy.discard(owner)
 
     async def _run(self, job: dict[str, Any]) -> dict[str, Any]:
         """The answer of a worker process to a job. Raises OSError and ValueError where it gives none."""
@@ -218,7 +229,7 @@ class Drafts:
     def __init__(self, store: Store, worker: tuple[str, ...] = DRAFT_WORKER) -> None:
         self._store, self._errand = store, Errand(worker, LONGEST_DRAFT_S)
 
-    async def read(self, name: str, text: str) -> list[dict[str, Any]]:
+    async def read(self, name: str, text: str, owner: Owner = NOBODY) -> list[dict[str, Any]]:
         """What is refused: line and column (1-based), and the sentence. Raises Refusal."""
         failed = Refusal.of(503, "unread", "draft_unread", name=name)
         try:
@@ -227,5 +238,5 @@ class Drafts:
             raise failed from None
         job = {"text": text, "name": name, "files": files, "state": str(self._store.folder)}
         busy = Refusal.of(429, "many", "draft_busy", headers={"Retry-After": "1"})
-        found: list[dict[str, Any]] = (await self._errand.run(job, busy, failed))["refusals"]
+        found: list[dict[str, Any]] = (await self._errand.run(job, busy, failed, owner))["refusals"]
         return found

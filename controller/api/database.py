@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from controller import atomic_file, messages, own_database, own_files, sealed_rows
-from controller.api import log_in_marker
+from controller.api import log_in_marker, own_folder
 
 # The schema of the store, as the steps that lead to it: step n makes version n + 1.
 #
@@ -149,8 +149,6 @@ MIGRATIONS: tuple[str, ...] = (_FIRST, _LOG_INS, _QUEUE, _MARKED, _SUMMED, _NO_C
 
 MARKED = 4  # the schema from which on a log-in marker is there
 
-FILE = "store.sqlite"
-
 
 class StoreError(Exception):
     """What is ``said`` to the user; ``code`` says which kind it is, for the answer's status.
@@ -177,13 +175,14 @@ class Database:
 
     def __init__(self, folder: Path) -> None:
         """Open, or make, the database of a state folder. Raises StoreError."""
-        self.file = folder / FILE
+        self.file = own_folder.of(folder) / own_folder.STORE
         self._lock = threading.RLock()
         try:
             own_files.make_folder(folder)
-            if not {FILE, log_in_marker.FILE} & {*own_files.names(folder)}:
-                log_in_marker.write(folder, 0)
-            self._sql = own_database.opened(self.file, shared=True)
+            own = own_folder.make(folder)
+            if not {own_folder.STORE, log_in_marker.FILE} & {*own_files.names(own)}:
+                log_in_marker.write(own, 0)
+            self._sql = own_database.opened(self.file)
             self._sql.row_factory = sqlite3.Row
             self.lost = self._put_aside() if own_database.has_lost(self._sql, self.file) else None
             self._sql.execute("PRAGMA foreign_keys = ON")
@@ -197,7 +196,7 @@ class Database:
 
     def _put_aside(self) -> Path:
         """Copies what was written ahead and cannot be read; what could be is in the database."""
-        ahead = self.file.with_name(f"{FILE}-wal")
+        ahead = self.file.with_name(f"{self.file.name}-wal")
         aside = own_files.aside(ahead)
         atomic_file.write(aside, own_files.read_bytes(ahead, shared=True))
         self._sql.execute("PRAGMA wal_checkpoint(TRUNCATE)")

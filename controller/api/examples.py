@@ -47,6 +47,8 @@ EXAMPLES: dict[str, dict[str, Any]] = {
     "Measured": {"values": {"axis": "X"}, "table": "target,sense,measured\n0,1,0.001\n100,1,100.004\n"},
     # ---- access
     "LogIn": {"name": "anna", "password": "correct horse"},
+    "Confirm": {"password": "correct horse"},
+    "OwnPassword": {"old": "correct horse", "password": "battery staple"},
     "TakeControl": {"take_over": False},
     "NewUser": {"name": "anna", "password": "correct horse", "role": "operate"},
     "UserChange": {"role": "set_up"},

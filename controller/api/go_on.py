@@ -17,10 +17,11 @@ from controller.api.answers import Refusal
 from controller.api.database import StoreError
 from controller.api.notices import in_words
 from controller.api.program_queue import Ended, Entry
-from controller.api.roles import Control
-from controller.api.service_client import ServiceClient
+from controller.api.roles import Control, Role
+from controller.api.service_client import ServiceClient, asker
 from controller.api.store import Store
 from controller.commands import table
+from controller.ipc.asker import Asker
 from controller.messages import Message, from_facts, message
 
 POLL_S = 0.5
@@ -91,6 +92,8 @@ class GoOn:
 
     async def _next(self, last: str, front: Entry) -> None:
         try:
+            # By now it is nobody's request: it is for whoever holds control, and may start programs.
+            asker.set(Asker(self._control.holder, Role.OPERATE.label))
             if await self._stands(last, "completed"):
                 await service_client.load(self._store, self._door, front.program)
                 await self._started(front.program)

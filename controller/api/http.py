@@ -79,6 +79,8 @@ HEADERS = (
     (b"referrer-policy", b"same-origin"),
     (b"cache-control", b"no-store"),
 )
+# A browser that was here by TLS comes by nothing else for a year.
+STRICT = ((b"strict-transport-security", b"max-age=31536000"),)
 
 
 def make_app(panel: Panel) -> FastAPI:
@@ -215,6 +217,7 @@ class Bounds:
                 message["headers"] = [
                     *message["headers"],
                     *(pair for pair in HEADERS if pair[0] not in there),
+                    *(STRICT if scope["scheme"] == "https" else ()),
                 ]
             await send(message)
 

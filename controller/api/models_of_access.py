@@ -7,10 +7,11 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from controller.api.models import Number, Sent, Told
+from controller.api.passwords import LONGEST, SHORTEST
 from controller.api.roles import RoleName
 
 UserName = Annotated[str, Field(pattern=r"^[A-Za-z0-9_.@-]{1,40}$")]
-Password = Annotated[str, Field(min_length=8, max_length=200)]
+Password = Annotated[str, Field(min_length=SHORTEST, max_length=LONGEST)]
 
 
 # ---- sent
@@ -23,6 +24,15 @@ class TakeControl(Sent):
 class LogIn(Sent):
     name: Annotated[str, Field(max_length=40)]
     password: Annotated[str, Field(max_length=200)]
+
+
+class Confirm(Sent):
+    password: Annotated[str, Field(max_length=LONGEST)]
+
+
+class OwnPassword(Sent):
+    old: Annotated[str, Field(max_length=LONGEST)]
+    password: Password
 
 
 class NewUser(Sent):
@@ -71,6 +81,18 @@ class SessionFacts(Told):
     how: Literal["local", "session", "token"]
     csrf: str | None = Field(description="Of a session: send it as X-CSRF-Token with all but GET.")
     may_stop: bool = Field(description="Whether hold, stop and emergency stop are taken from who asks.")
+
+
+class OpenSession(Told):
+    id: str = Field(description="What it is told by, to end it; nobody can use it.")
+    user: str
+    began_s: float = Field(description="Seconds since 1970.")
+    seen_s: float = Field(description="Its last request, likewise.")
+    mine: bool = Field(description="Whether it is the one that asks.")
+
+
+class SessionList(Told):
+    sessions: list[OpenSession] = Field(description="The latest request first.")
 
 
 class UserFacts(Told):

@@ -1,4 +1,4 @@
-"""Back-ups that are saved from the page: archives in a folder of the state folder, the latest of them.
+"""Back-ups that are saved from the page: archives in a folder of the panel's, the latest of them.
 
 They are what ``directrix backup save`` writes, and are put back by ``directrix backup restore`` alone: the
 service must not run then, and it is the panel's.
@@ -17,7 +17,7 @@ from controller.api import backup
 from controller.api.store import Store
 from controller.machine import setup_data
 
-FOLDER = "backups"  # of the state folder
+FOLDER = "backups"  # of the panel's
 KEPT = 20  # the oldest go
 
 
@@ -31,7 +31,7 @@ class Saved(NamedTuple):
 
 def folder_of(store: Store) -> Path:
     """Where they are."""
-    return store.folder.resolve() / FOLDER
+    return store.own.resolve() / FOLDER
 
 
 def save(store: Store) -> Saved:

@@ -18,7 +18,7 @@ from controller.api.records import Run
 from controller.api.run_report import AS_CUT
 from controller.api.store import Store
 from controller.messages import message
-from controller.program.surface_codes import may_cut
+from controller.program.source_text import may_cut
 from controller.state.record_files import ACTUAL, PROGRAM, RUNS
 
 WORKER = (sys.executable, "-m", "controller.cli.verdict_worker")

@@ -12,6 +12,7 @@ from __future__ import annotations
 import asyncio
 import time
 from collections.abc import Mapping
+from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
@@ -23,8 +24,10 @@ from controller.api.answers import Refusal
 from controller.api.store import Store
 from controller.commands.command import Access, Lane
 from controller.commands.table import ALL, COMMANDS
+from controller.ipc.asker import Asker
 from controller.ipc.control_socket import Client, CommandRefused
 
+asker: ContextVar[Asker | None] = ContextVar("asker", default=None)  # for whom the service is asked
 FRESH_S = 0.025  # half of the interval of the events
 QUICK_S = 5.0
 SLOW_S = 600.0  # a whole program may have to be read
@@ -76,7 +79,7 @@ class SocketServiceClient:
         """The result of a verb. Raises Refusal with the service's own sentence."""
         command = COMMANDS.get(verb)
         way = self._ways[command.way if command is not None else Lane.QUICK]
-        asked = partial(way.client.ask, verb, **args)
+        asked = partial(way.client.ask_for, asker.get(), verb, args)
         try:
             return await to_thread.run_sync(asked, abandon_on_cancel=True, limiter=way.places)
         except CommandRefused as error:

@@ -22,6 +22,8 @@ SESSION_S = 12 * 3600.0  # a shift
 IDLE_S = 2 * 3600.0
 SESSIONS = 1000  # at once; the oldest go
 SEEN_S = 60.0  # how old what the store knows of the last request may be
+CONFIRMED_S = 120.0  # a password that was given again counts for so long
+NAME_DIGITS = 16
 SET_BACK_S = 60.0  # of the wall's clock: a session from further ahead is none
 
 
@@ -34,6 +36,7 @@ class Session:
     began_s: float  # seconds since 1970
     seen_s: float
     written_s: float = -math.inf  # what the store has of ``seen_s``
+    confirmed_s: float = -math.inf  # the password was given again; no other process knows of it
 
 
 class Sessions:
@@ -72,6 +75,27 @@ class Sessions:
         """Log out."""
         self._end(sha256(cookie))
 
+    def confirm(self, cookie: str) -> None:
+        """Its user has given the password again."""
+        if (session := self._known.get(sha256(cookie))) is not None:
+            session.confirmed_s = self._clock()
+
+    def is_confirmed(self, cookie: str) -> bool:
+        """Whether that was a short while ago."""
+        session = self._known.get(sha256(cookie))
+        return session is not None and 0.0 <= self._clock() - session.confirmed_s <= CONFIRMED_S
+
+    def lasting(self, marks: Mapping[str, str]) -> list[tuple[str, Session]]:
+        """Those that last, by the name that each is told by, the latest request first."""
+        now_s = self._clock()
+        found = [(key, one) for key, one in self._known.copy().items() if self._lasts(one, marks, now_s)]
+        return [(name_of(key), one) for key, one in sorted(found, key=lambda pair: -pair[1].seen_s)]
+
+    def end_named(self, name: str) -> None:
+        """The one of that name; nothing where there is none any more."""
+        for key in [key for key in self._known.copy() if name_of(key) == name]:
+            self._end(key)
+
     def write(self, marks: Mapping[str, str]) -> None:
         """Bring the store up to date. Raises StoreError; then the next time does it."""
         now_s = self._clock()
@@ -95,6 +119,11 @@ class Sessions:
     def _end(self, key: str) -> None:
         if self._known.pop(key, None) is not None:
             self._ended.add(key)
+
+
+def name_of(key: str) -> str:
+    """What a session is told by; it leads to no cookie."""
+    return key[:NAME_DIGITS]
 
 
 def csrf_of(cookie: str) -> str:

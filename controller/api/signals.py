@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.ipc.handoff import rows_of
+from controller.ipc.handoff import of_axes, rows_of
 from controller.machine.model import Machine
 from controller.state.live_state import COLUMN, SIGNALS
-from controller.state.setpoints import SETPOINTS, Counts
+from controller.state.setpoints import SETPOINTS, Counts, commanded
 
 Array = NDArray[np.float64]
 
@@ -190,6 +190,6 @@ def rows_of_setpoints(counts: Counts, machine: Machine) -> Array:
     """Rows out of the setpoints of a run, (N, MAX_AXES) counts from its first tick on; all else is NaN."""
     rows = rows_of(SETPOINTS.columns, counts.astype(np.float64))
     rows[:, COLUMN["tick"]] = range(len(rows))
-    for i, axis in enumerate(machine.axes):
-        rows[:, COLUMN[f"joint_command_{i}"]] = rows[:, COLUMN[f"setpoint_{i}"]] / axis.counts_per_unit
+    axes = len(machine.axes)
+    rows[:, of_axes("joint_command", axes)] = commanded(rows[:, of_axes("setpoint", axes)], machine)
     return rows

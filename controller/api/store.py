@@ -5,9 +5,9 @@
     store.uploads.begin("part.ngc")    the only way in: see ``uploads``
     store.checks / runs / alarms / settings / marks / queue / users / audit
 
-    STATE/store.sqlite                 facts
-    STATE/programs/<sha256>.ngc        contents; written once, never changed
-    STATE/programs/.incoming/          what is not complete yet
+    STATE/panel/store.sqlite                 facts
+    STATE/panel/programs/<sha256>.ngc        contents; written once, never changed
+    STATE/panel/programs/.incoming/          what is not complete yet
 
 A name points at a content. A run is of a content, so that nothing that happens to a name
 changes what runs; names in use are protected all the same, because that is what an
@@ -22,6 +22,7 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
+from controller.api import own_folder
 from controller.api.database import Database, StoreError
 from controller.api.program_queue import Queue
 from controller.api.programs import FOLDER, Checks, Program, ProgramCheck, Programs
@@ -64,10 +65,11 @@ class Store:
     """Everything that is kept, in one folder; several processes may have it open."""
 
     def __init__(self, folder: Path, limits: UploadLimits | None = None, clock: Clock = time.time) -> None:
-        """Open, or make, a store. Raises StoreError."""
+        """Open, or make, the store of a state folder. Raises StoreError."""
         self.folder = folder
         self.database = database = Database(folder)
-        self.programs = Programs(database, folder / FOLDER, clock)
+        self.own = database.file.parent  # the panel's own folder
+        self.programs = Programs(database, self.own / FOLDER, clock)
         self.uploads = Uploads(self.programs, limits or UploadLimits())
         self.checks = Checks(database, clock)
         self.runs = Runs(database, clock)
@@ -117,8 +119,10 @@ class Sizes:
     def known(self) -> dict[str, int]:
         """Bytes by the name of what lies in it; files of its own are "store" together."""
         if time.monotonic() - self._at_s > MEASURED_S:
-            parts = [one for one in self._folder.iterdir() if one.is_dir()]
-            own = sum(_size(one) for one in self._folder.iterdir() if not one.is_dir())
+            own_folders = self._folder, own_folder.of(self._folder)
+            found = [one for folder in own_folders for one in folder.iterdir() if one != own_folders[1]]
+            parts = [one for one in found if one.is_dir()]
+            own = sum(_size(one) for one in found if not one.is_dir())
             self._found = {"store": own, **{part.name: _below(part) for part in parts}}
             self._at_s = time.monotonic()
         return self._found

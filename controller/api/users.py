@@ -27,7 +27,7 @@ from controller.api.database import StoreError
 from controller.api.records import Token, User
 from controller.api.records import Users as Rows
 from controller.api.roles import Principal, Role
-from controller.api.sessions import Sessions, csrf_of, sha256
+from controller.api.sessions import Session, Sessions, csrf_of, sha256
 from controller.messages import Message
 
 FREE_TRIES = 5  # wrong passwords from an address before it has to wait
@@ -147,6 +147,17 @@ class Users:
 
     async def log_in(self, name: str, password: str, address: str) -> tuple[str, Principal]:
         """(cookie, who it is). Raises Refusal for a wrong name or password, or too many of them."""
+        user = await self._checked(name, password, address)
+        if user is None:
+            raise Refusal.of(401, "log_in", "wrong_password")
+        self._remember(name, address)
+        begun = self.begin(name, Role.named(user.role))
+        with contextlib.suppress(StoreError):  # a full disk keeps nobody out; the session ends with the panel
+            await asyncio.to_thread(self.write_sessions)
+        return begun
+
+    async def _checked(self, name: str, password: str, address: str) -> User | None:
+        """Whose password it is; None: it is wrong. Raises Refusal for too many wrong ones."""
         keys = {f"from {address}": FREE_TRIES}
         if (name, address) not in self._places:
             keys[f"user {name}"] = CROWD_TRIES
@@ -158,13 +169,30 @@ class Users:
         async with self._hashing:
             right = await asyncio.to_thread(self._verify, user, password)
         if user is None or not right:
-            raise Refusal.of(401, "log_in", "wrong_password")
+            return None
         self._brake.right(keys)
-        self._remember(name, address)
-        begun = self.begin(name, Role.named(user.role))
-        with contextlib.suppress(StoreError):  # a full disk keeps nobody out; the session ends with the panel
-            await asyncio.to_thread(self.write_sessions)
-        return begun
+        return user
+
+    async def confirm(self, cookie: str, name: str, password: str, address: str) -> User:
+        """The user of a session gives the password again. Raises Refusal 403 for another, 429."""
+        user = await self._checked(name, password, address)
+        if user is None:
+            raise Refusal.of(403, "confirm", "confirm_wrong", name=name)
+        self._sessions.confirm(cookie)
+        return user
+
+    def is_confirmed(self, cookie: str) -> bool:
+        """Whether the user of a session gave the password again, a short while ago."""
+        return self._sessions.is_confirmed(cookie)
+
+    def sessions(self) -> list[tuple[str, Session]]:
+        """All that last, by the name that each is told by."""
+        return self._sessions.lasting(self._marks)
+
+    def end_session(self, name: str) -> None:
+        """Raises StoreError."""
+        self._sessions.end_named(name)
+        self.write_sessions()
 
     def _remember(self, name: str, address: str) -> None:
         self._places.pop((name, address), None)

@@ -18,7 +18,7 @@ from controller.geometry.vectors import add, scale
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Joints, Machine, Sensor
 from controller.messages import message
-from controller.program.tool_change_words import steps_of
+from controller.program.output_words import steps_of
 
 POSITIONS = 8  # of the rotaries, at which the sphere is probed
 CLEAR_MM = 4.0  # before a touch, and so far beyond where it should come

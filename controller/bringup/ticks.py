@@ -15,6 +15,7 @@ from controller.ipc.handoff import COLUMN, of_axes
 from controller.machine.model import Machine
 from controller.messages import Message, TextError
 from controller.state.modes import Mode
+from controller.state.setpoints import commanded
 
 
 class NotDone(TextError, Exception):
@@ -50,11 +51,10 @@ class Ticks:
         """Of the recorder's rows."""
         axes = len(machine.axes)
         shown = np.array([axis.shown_per_unit for axis in machine.axes])
-        counts = np.array([axis.counts_per_unit for axis in machine.axes])
         return cls(
             machine.period_s,
             latency,
-            rows[:, of_axes("setpoint", axes)] * shown / counts,
+            commanded(rows[:, of_axes("setpoint", axes)], machine) * shown,
             rows[:, of_axes("actual", axes)] * shown,
             rows[:, COLUMN["line"]].astype(np.int64),
             rows[:, COLUMN["mode"]] == Mode.HOLD,

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,7 @@ from controller.geometry.surfaces import Surface
 from controller.program.program import Block, CutCone, CutNurbs, CutRuled
 
 if TYPE_CHECKING:
+    from controller.cad.kernel import Face
     from controller.cad.strip import Strip
 
 Array = NDArray[np.float64]
@@ -75,7 +76,7 @@ def deviation(strip: Strip, written: Surface) -> Deviation:
         if strip.base is not None and (strip.prolonged_mm > 0.0 or strip.bridges):
             to_face = float(distances(strip.base, points, prolonged=True).max())
         else:
-            of = [part.face for part in strip.joined or (strip,)]
+            of = [cast("Face", part.face) for part in strip.joined or (strip,)]
             to_face = max(min(face.distance(point) for face in of) for point in points)
     return Deviation(to_face, float(distances(written, face_points(strip)).max()))
 
@@ -84,7 +85,8 @@ def face_points(strip: Strip) -> Array:
     """Points (N, 3) of what a strip cuts of its faces, edges of the faces among them."""
     if strip.joined:
         return np.concatenate([face_points(part) for part in strip.joined])
-    face, outline = strip.face, Outline(strip.face)
+    face = cast("Face", strip.face)
+    outline = Outline(face)
     box = outline.box
     u, v = places(ONTO_WRITTEN)
     rows = [

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,11 +45,23 @@ LEVEL_MM = 1e-9
 FITTED = message("cad.fitted")
 
 
+class Source(Protocol):
+    """What a strip was made of: a face of a CAD file (``kernel.Face``), or a row of lines."""
+
+    @property
+    def number(self) -> int:
+        """In its file, from 1."""
+
+    @property
+    def kind(self) -> str:
+        """Of geometry."""
+
+
 @dataclass(frozen=True, eq=False)
 class Strip:
     """What is cut of one face: two directrices, upper and lower, in the direction of travel."""
 
-    face: Face
+    face: Source
     upper: Nurbs
     lower: Nurbs
     off_ruled_mm: float  # how far the face's own curves leave the rulings

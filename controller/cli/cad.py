@@ -1,10 +1,9 @@
-"""``directrix import``: the ruled faces of a STEP file as a part program."""
+"""``directrix import``: the ruled faces of a STEP file, or of a CAM system's lines, as a part program."""
 
 from __future__ import annotations
 
 import json
 import math
-import os
 import re
 from collections.abc import Sequence
 from dataclasses import replace
@@ -56,6 +55,8 @@ Json = Annotated[bool, typer.Option("--json")]
 
 AXES: dict[str, Vector] = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0), "Z": (0.0, 0.0, 1.0)}
 GROUPS = ("all", "blades")  # of faces, that --faces names
+CL_SUFFIXES = (".cl", ".cls", ".clf", ".apt", ".aptsource", ".ncl")  # files of a CAM system's lines
+PROGRAM_SUFFIXES = (".ngc", ".nc", ".tap", ".cnc", ".txt", ".mpf", ".h")
 MICRON_MM = 1e-3  # a written surface is at least so near to its face
 
 
@@ -87,7 +88,7 @@ def import_(
     verify: Verify = False,
     as_json: Json = False,
 ) -> None:
-    """Find the ruled faces of a STEP file (--list), and write a program that cuts some of them (--faces)."""
+    """Find the ruled faces of a STEP file or CAM lines (--list), and write a program that cuts some."""
     with refusals(as_json, lambda: (ConfigError,)):
         if only_list == bool(faces):
             raise Refused(say("cli.import.either"))
@@ -100,7 +101,21 @@ def import_(
             raise Refused(say("cli.import.plot", plot=plot))
         plot = None if plot is None else new_files.target(plot, overwrite, "--plot")
         made, placed = machine_file.load(machine), _placed(move, turn)
-        target = None if only_list else new_files.target(out or file.with_suffix(".ngc"), overwrite, "--out")
+        target = None if only_list else new_files.target(out or _beside(file), overwrite, "--out")
+        if (suffix := file.suffix.lower()) in (*CL_SUFFIXES, *PROGRAM_SUFFIXES):
+            of_faces = {"--whole": whole, "--prolong": prolong, "--other-side": other_side, "--move": move}
+            of_faces |= {"--other-rulings": other_rulings, "--turn": turn, "--plot": plot}
+            of_faces["--placement"] = placement in ("optimal", "machine")  # the lines are those of P1
+            if given := next((name for name, word in of_faces.items() if word), ""):
+                raise Refused(say("cli.import.path.of_cad", name=given, file=file))
+            _check_there(file)
+            from controller.cli import cad_path
+
+            wish = cad_path.Wish(faces, tool, feed, spindle, direction == "conventional", tolerance)
+            done = cad_path.import_rows(file, suffix in PROGRAM_SUFFIXES, target, made, wish, as_json)
+            if done is not None and target is not None:
+                _tell(file, target, *done, made if verify else None, as_json)
+            return
         part = _part(file, placed)
         from controller.cad import program
         from controller.cad.strip import How
@@ -114,7 +129,7 @@ def import_(
         if every:
             seen = _in_roles(part, seen, made)
         if plot is not None:
-            _save(plot, cad_tables.picture_of(seen, made))
+            new_files.save(plot, cad_tables.picture_of(seen, made))
         if target is None:
             cad_tables.faces(file, part, seen, as_json)
             return
@@ -136,8 +151,11 @@ def import_(
         written = program.write(notes, strips, cutter, wanted)
         found = _deviations(written, str(target), made)
         _near_enough(found, written, tolerance)
-        _save(target, written.text)
-        _tell(file, target, cutter, cad_tables.off_faces(written, found), made if verify else None, as_json)
+        new_files.save(target, written.text)
+        rows = cad_tables.off_faces(written, found)
+        if not as_json:
+            cad_tables.written(target, cutter, rows)
+        _tell(file, target, cutter, rows, made if verify else None, as_json)
 
 
 def _tell(
@@ -149,11 +167,7 @@ def _tell(
     as_json: bool,
 ) -> None:
     """What was written; with a machine also what comes of it there. Raises Refused where that is wrong."""
-    from controller.cli import cad_tables
-
     facts = {"file": str(file), "program": str(target), "tool": cutter.number, "faces": rows}
-    if not as_json:
-        cad_tables.written(target, cutter, rows)
     if machine is not None:
         from controller.cli import cad_verdict
 
@@ -211,9 +225,18 @@ def _float(text: str) -> float | None:
 # ---- the faces -----------------------------------------------------------------------
 
 
-def _part(file: Path, placed: Frame) -> Part:
+def _beside(file: Path) -> Path:
+    """The program that is written where --out says none."""
+    return file.with_suffix(".ngc") if file.suffix != ".ngc" else file.with_stem(f"{file.stem}_ruled")
+
+
+def _check_there(file: Path) -> None:
     if not file.is_file():
         raise Refused(say("cli.import.folder" if file.is_dir() else "cli.import.no_file", file=file))
+
+
+def _part(file: Path, placed: Frame) -> Part:
+    _check_there(file)
     try:
         from controller.cad import kernel
     except ModuleNotFoundError as error:
@@ -353,10 +376,3 @@ def _near_enough(found: Sequence[Deviation], written: Written, tolerance_mm: flo
         if not one.largest_mm <= allowed:
             um = {"off": 1e3 * one.largest_mm, "allowed": 1e3 * allowed}
             raise Refused(say("cli.import.too_far", number=strip.face.number, **um))
-
-
-def _save(target: Path, text: str) -> None:
-    """Whole or not at all."""
-    beside = target.with_name(f".{target.name}.new")
-    beside.write_text(text)
-    os.replace(beside, target)

@@ -8,7 +8,7 @@ A passed check with surfaces is told with ``"more": true``, and once more when t
 looked at: then ``verified`` in its result has what ``controller.verify.maps`` gives.
 
 The machine is the one that the service runs on: its file as the service noted it in the state
-folder, with what is fitted laid over. What is found out is kept for the service, too.
+folder, with what is fitted laid over. What is found out is kept for the service of the same user, too.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from controller import memory
+from controller.api import own_folder
 from controller.cli import internal_error
 from controller.machine import setup_data
 from controller.machine.toml_table import ConfigError
@@ -68,6 +69,7 @@ def check(
 ) -> Result:
     """State and result of a job; ``seen`` gets the path of one that passed, if it cuts a surface."""
     state, name = Path(job["state"]), str(job["name"])
+    pictures = own_folder.of(state) / PICTURES
     try:
         files = {file: Path(at) for file, at in job.get("files", {}).items()}
         machine = setup_data.machine(state)
@@ -76,24 +78,25 @@ def check(
         lines = max(1, int(job["lines"]))
         picture = Picture(task.machine, task.kinematics)
         watched = Watched(())
-        found, kept, warning = checked.check(
+        found, kept = checked.looked_at(
             task,
-            state / CHECKS,
             progress=lambda line: progress(min(1.0, line / lines)),
             watch=lambda items: watched.over(picture.watched(items)),
         )
+        # The service goes by its own: where it is another user it looks at the program itself.
+        warning = checked.keep(kept, task.key, state / CHECKS) if os.access(state, os.W_OK) else ""
     except ProgramError as error:
         place = {"file": error.file, "line": error.line, "column": error.column}
         if error.file != name:
             place["called_at"] = error.line_in(name)
         found_out = {**error.said, **place, **error.facts, **_others(error, task)}
-        return "refused", {**found_out, **_drawn(task, found_out, state / PICTURES)}
+        return "refused", {**found_out, **_drawn(task, found_out, pictures)}
     except (ConfigError, OSError) as error:
         return "failed", {**message("could_not_check", program=name, why=of_error(error))}
     except Exception as error:  # the operator gets a sentence, and we the rest
         return "failed", {**message("could_not_check", program=name, why=internal_error.sentence(error))}
     with contextlib.suppress(OSError):  # a program runs without its picture
-        picture.shape().save(state / PICTURES / f"{task.key}.npz")
+        picture.shape().save(pictures / f"{task.key}.npz")
     if kept.overcuts:
         seen((task, watched.stretches))
     figures = found.to_dict()

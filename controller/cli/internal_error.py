@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import platform
@@ -13,12 +14,13 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from controller import own_files
+from controller.api import own_folder
 from controller.ipc import control_socket, internal_error
 from controller.verify.console import say
 from controller.version import VERSION
 
 EXIT_CODE = 70  # EX_SOFTWARE of sysexits.h
-FOLDER = "crashes"  # in the state folder; ``directrix support`` takes it along
+FOLDER = "crashes"  # in the state folder, the panel's in its own; ``directrix support`` takes it along
 MAX_FILES = 20  # files there
 
 
@@ -46,10 +48,10 @@ def _saved_report(text: str) -> Path | None:
     of = f"directrix {VERSION}, Python {platform.python_version()}"
     now = datetime.now(UTC).isoformat(timespec="seconds")
     head = f"{of}, {platform.platform()}\n{now}\n{' '.join(sys.argv)}\n\n"
-    try:
-        return _in_state(head + text)
-    except OSError:
-        pass  # there is none, or it is another's
+    state = control_socket.state_folder()
+    for folder in (state, own_folder.of(state)):  # the panel may not write in the service's
+        with contextlib.suppress(OSError):  # there is none, or it is another's
+            return _in_state(folder, head + text)
     try:
         handle, name = tempfile.mkstemp(prefix="directrix-error-", suffix=".txt")
         with os.fdopen(handle, "w", encoding="utf-8", errors="backslashreplace") as file:
@@ -59,9 +61,8 @@ def _saved_report(text: str) -> Path | None:
     return Path(name)
 
 
-def _in_state(text: str) -> Path:
-    """A file in the state folder, of which the oldest ones go. Raises OSError."""
-    state = control_socket.state_folder()
+def _in_state(state: Path, text: str) -> Path:
+    """A file in a state folder, or in the panel's, of which the oldest ones go. Raises OSError."""
     folder = state / FOLDER
     if not state.is_dir():
         raise FileNotFoundError(str(state))

@@ -22,6 +22,7 @@ from controller.geometry.arrays import Array
 from controller.machine.model import Machine
 from controller.messages import message
 from controller.state.modes import Mode
+from controller.state.setpoints import commanded
 from controller.verify.console import Refused, say
 
 POLL_S = 0.5  # between two looks at the ticks, of which the panel keeps half a minute
@@ -90,11 +91,11 @@ class LiveBench:
 
     def _ticks(self, rows: Array) -> Ticks:
         axes = len(self.machine.axes)
-        per_count = [axis.shown_per_unit / axis.counts_per_unit for axis in self.machine.axes]
+        shown = [axis.shown_per_unit for axis in self.machine.axes]
         return Ticks(
             self.machine.period_s,
             int(self._remote.get("status")["tick"]["latency"]),
-            rows[:, 1 : 1 + axes] * np.array(per_count),
+            commanded(rows[:, 1 : 1 + axes], self.machine) * shown,
             rows[:, 1 + axes : 1 + 2 * axes],
             rows[:, -2].astype(np.int64),
             rows[:, -1] == Mode.HOLD,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Annotated
 
@@ -21,3 +22,10 @@ def target(out: Path, overwrite: bool, option: str, suffix: str = "") -> Path:
     if not out.parent.is_dir():
         raise Refused(say("cli.out.no_folder", out=out, parent=out.parent))
     return out
+
+
+def save(out: Path, text: str) -> None:
+    """Write it whole or not at all."""
+    beside = out.with_name(f".{out.name}.new")
+    beside.write_text(text)
+    os.replace(beside, out)

@@ -15,9 +15,10 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 from rich.table import Table
 
+from controller import messages
 from controller.cli.speech import speaking
 from controller.ipc import control_socket
-from controller.verify.console import Refused, refusals, say, show
+from controller.verify.console import Refused, refusals, say, show, spoken
 
 if TYPE_CHECKING:
     from controller.api.store import Store
@@ -31,8 +32,6 @@ Days = Annotated[float | None, typer.Option("--days")]
 State = Annotated[Path | None, typer.Option("--state")]
 
 NAME = re.compile(r"[A-Za-z0-9_.@-]{1,40}")
-SHORTEST = 8
-LONGEST = 200
 MAX_DAYS = 3650.0
 DAY_S = 86400.0
 
@@ -60,7 +59,7 @@ def add_user(name: Name, role: Role = "set_up", state: State = None) -> None:
         first = not store.users.all()
         if first and role != "set_up":
             raise Refused(say("cli.users.first"))
-        store.users.set(name, _hash(_password()), role)
+        store.users.set(name, _hash(_password(name)), role)
         show.print(say("cli.users.first_added" if first else "cli.users.added", name=name, role=role))
 
 
@@ -128,17 +127,17 @@ def _check(name: str) -> None:
         raise Refused(say("cli.users.name", name=name))
 
 
-def _password() -> str:
+def _password(name: str) -> str:
+    from controller.api import passwords
+
     if sys.stdin.isatty():
         password: str = typer.prompt(say("cli.users.password"), hide_input=True)
         if password != typer.prompt(say("cli.users.again"), hide_input=True):
             raise Refused(say("cli.users.not_the_same"))
     else:
         password = sys.stdin.readline().rstrip("\r\n")
-    if not SHORTEST <= len(password) <= LONGEST:
-        raise Refused(
-            say("cli.users.password_length", count=len(password), shortest=SHORTEST, longest=LONGEST)
-        )
+    if (why := passwords.check(password, [name])) is not None:
+        raise Refused(messages.text(why, spoken.get()))
     return password
 
 

@@ -82,10 +82,11 @@ def folder_of(run: str, state: Path | None) -> Path:
 
 def _of_number(number: int, state: Path) -> str:
     """Name of the record. Raises Refused."""
-    from controller.api.database import FILE, StoreError
+    from controller.api import own_folder
+    from controller.api.database import StoreError
     from controller.api.store import Store
 
-    if not (state / FILE).is_file():
+    if not any((folder / own_folder.STORE).is_file() for folder in (state, own_folder.of(state))):
         raise Refused(say("cli.replay.no_store", number=number, state=state))
     try:
         found = Store(state).runs.get(number)

@@ -14,6 +14,7 @@ from typing import Annotated, Any
 
 import typer
 
+from controller.api import own_folder
 from controller.cli import installation, self_test
 from controller.cli.host_lines import Line
 from controller.cli.installation import ENVIRONMENT, STATE, TARGET, UNITS
@@ -143,6 +144,10 @@ def _make_known(machine: Machine) -> None:
     """Users, folders, units, interfaces. Raises Refused."""
     _run("systemd-sysusers", "/etc/sysusers.d/directrix.conf")
     _run("systemd-tmpfiles", "--create", "/etc/tmpfiles.d/directrix.conf")
+    try:
+        own_folder.part(STATE)
+    except OSError as error:
+        raise Refused(say("os_error_of", file=error.filename or STATE, why=error)) from error
     _run("systemctl", "daemon-reload")
     names = [f"/sys/class/net/{bus.channel}" for bus in installation.interfaces(machine)]
     with contextlib.suppress(Refused):  # interfaces that are there already; others are met when they come

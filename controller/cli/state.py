@@ -7,21 +7,24 @@ import hashlib
 import json
 import os
 import sqlite3
+import time
 from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Annotated, Final, Literal, NamedTuple
 
 import typer
+from rich.markup import escape
+from rich.table import Table as Printed
 
 from controller import messages, npz, own_database, own_files, sealed_file, sealed_rows
-from controller.api import database, log_in_marker
+from controller.api import log_in_marker, own_folder
 from controller.api.programs import CONTENT, FOLDER
 from controller.ipc import control_socket
 from controller.machine import arrangement
 from controller.messages import Message, message, of_error
 from controller.runtime import events
-from controller.service import older_files, owners
+from controller.service import older_files, owners, requests
 from controller.service.folders import Folders
 from controller.state import record_files
 from controller.state.setpoints import TABLES, Table
@@ -35,7 +38,8 @@ OK: Final = "ok"
 OLDER: Final = "older"
 DAMAGED: Final = "damaged"
 WRONG = (OSError, ValueError, events.EventError)
-GROUPS = (record_files.RUNS, record_files.RECORDINGS, FOLDER, "checks", arrangement.FOLDER)
+GROUPS = (record_files.RUNS, record_files.RECORDINGS, "checks", arrangement.FOLDER)
+PROGRAMS = f"{own_folder.PANEL}/{FOLDER}/"
 
 
 class Found(NamedTuple):
@@ -74,6 +78,31 @@ def check(
         raise typer.Exit(1)
 
 
+@app.command("requests")
+def list_requests(
+    most: Annotated[int, typer.Option("--most", min=1, max=requests.MAX_ROWS)] = 50,
+    state: Annotated[Path | None, typer.Option("--state")] = None,
+    as_json: Annotated[bool, typer.Option("--json")] = False,
+) -> None:
+    """Who asked the machine for what, as the service has noted it."""
+    with refusals(as_json, lambda: (OSError,)):
+        file = (state or control_socket.state_folder()) / service_store.FILE
+        try:
+            with own_database.reading(file) as sql:
+                rows = list(requests.listed(sql, most))
+        except (OSError, sqlite3.Error) as error:
+            raise Refused(say("os_error_of", file=file, why=error)) from error
+        if as_json:
+            print(json.dumps({"ok": True, "requests": rows}))
+            return
+        heads = ("time", "user", "role", "address", "request", "arguments", "refused")
+        table = Printed(*(say(f"table.{head}") for head in heads), box=None, pad_edge=False)
+        for row in rows:
+            at = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(row["time_s"]))
+            table.add_row(at, *(escape(str(row[name])) for name in requests.COLUMNS[1:] if name != "peer"))
+        show.print(table)
+
+
 def in_words(one: Found) -> str:
     """Why it is damaged; empty where it is not."""
     return "" if one.why is None else messages.text(one.why, spoken.get())
@@ -92,6 +121,8 @@ def _lines(found: list[Found]) -> Iterator[str]:
 
 def _group(one: Found) -> str:
     first = Path(one.file).parts[0]
+    if one.file.startswith(PROGRAMS):
+        return PROGRAMS
     return f"{first}/" if first in GROUPS else one.file
 
 
@@ -102,17 +133,19 @@ def look(state: Path) -> Iterator[Found]:
             yield from _held(file, state, _sealed)
         yield from _gone(state / name, sealed_file.before(state / name))
     yield from _held(state / older_files.ALARMS, state, _alarms)
-    yield from _held(state / log_in_marker.FILE, state, _log_in)
-    for name in (tool_store.OLDER, database.FILE, service_store.FILE, service_store.COPY):
+    own = own_folder.of(state)
+    yield from _held(own / log_in_marker.FILE, state, _log_in)
+    yield from _held(own / own_folder.STORE, state, _rows)
+    for name in (tool_store.OLDER, service_store.FILE, service_store.COPY):
         yield from _held(state / name, state, _rows)
     yield from _gone(state / service_store.FILE, state / service_store.COPY)
     folders = Folders.within(state)
     for folder in (folders.arranged, folders.checks):
         for name in own_files.names(folder, state):
             yield from _held(folder / name, state, _record)
-    for name in own_files.names(state / FOLDER, state):
+    for name in own_files.names(own / FOLDER, state):
         if name.endswith(CONTENT):
-            yield from _held(state / FOLDER / name, state, _program)
+            yield from _held(own / FOLDER / name, state, _program)
     for kind in (record_files.RUNS, record_files.RECORDINGS):
         for name in own_files.names(state / kind, state):
             yield from _of_record(state / kind / name, state)
@@ -180,13 +213,13 @@ def _alarms(file: Path, state: Path) -> Condition:
 
 
 def _log_in(file: Path, state: Path) -> Condition:
-    if log_in_marker.users(state) is None:
+    if log_in_marker.users(file.parent) is None:
         raise sealed_file.Damaged(message("sealed.other"))
     return OK
 
 
 def _rows(file: Path, state: Path) -> Condition:
-    with contextlib.closing(own_database.opened(file, shared=file.name == database.FILE)) as sql:
+    with contextlib.closing(own_database.opened(file)) as sql:
         if own_database.has_lost(sql, file):
             raise sealed_file.Damaged(message("cli.state.lost"))
         wrong = sealed_rows.look(sql)

@@ -35,7 +35,7 @@ from typing import Annotated, Any
 import typer
 
 from controller import messages, own_database, own_files
-from controller.api import notice_settings
+from controller.api import notice_settings, own_folder
 from controller.api.database import StoreError
 from controller.api.store import Store
 from controller.cli import host_findings, installation, internal_error, redaction
@@ -43,7 +43,7 @@ from controller.cli.host_view import Host
 from controller.ipc import control_socket
 from controller.machine import machine_file, setup_data
 from controller.machine.toml_table import ConfigError
-from controller.service import older_files, owners
+from controller.service import older_files, owners, requests
 from controller.state.record_files import RECORDINGS, RUNS
 from controller.store import service_store
 from controller.verify.console import Refused, refusals, say, show, spoken
@@ -116,7 +116,8 @@ def _parts(folder: Path, records: int, missing: list[str]) -> Iterator[Part]:
     for kind in (RUNS, RECORDINGS):
         for one in _latest(folder / kind, folder, records):
             yield from _folder(one, folder, missing)
-    yield from _folder(folder / internal_error.FOLDER, folder, missing)
+    for of in (folder, own_folder.of(folder)):
+        yield from _folder(of / internal_error.FOLDER, folder, missing)
     if journal := _journal():
         yield "journal.txt", journal
 
@@ -184,9 +185,11 @@ def _service_facts(folder: Path) -> dict[str, Any]:
     with own_database.reading(folder / service_store.FILE) as sql:
         documents = sql.execute("SELECT name, generation, value FROM documents").fetchall()
         alarms = sql.execute("SELECT facts FROM alarms ORDER BY id").fetchall()
+        asked = [*requests.listed(sql, LATEST_ROWS)]
     return {
         "documents": {f"{name} {generation}": json.loads(value) for name, generation, value in documents},
         "alarms": [json.loads(facts) for (facts,) in alarms],
+        "requests": asked,
     }
 
 

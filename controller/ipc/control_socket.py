@@ -8,9 +8,13 @@ and gets one answer with its ``id``; what takes long answers late, and others ov
     {"id": 7, "ok": false, "error": {"code": "refused", "mode": "RUNNING", "request": "HOME",
                                      "key": "refused", "values": {...}}}
 
-What is said is a key with its values (see ``messages``): whoever asked puts it into words.
+What is said is a key with its values (see ``messages``): whoever asked puts it into words. Beside ``args``
+a request may name for whom it is, as the panel does: ``"by": {"user": "anna", "role": "operate", "address":
+"10.0.0.7"}``.
+
 The kernel tells who connects (SO_PEERCRED): the same user, root, and members of the group that
-owns the socket are let in. The answering side is ``controller.service.socket_server``.
+owns the socket are let in; and who answers, see ``asker.may_serve``. The answering side is
+``controller.service.socket_server``.
 """
 
 from __future__ import annotations
@@ -30,6 +34,7 @@ from typing import Any
 
 from controller import atomic_file, messages, own_files, sealed_file
 from controller.ipc import internal_error
+from controller.ipc.asker import Asker, may_serve, name_of, of_socket
 from controller.messages import Key, Message, message, plain
 
 Values = dict[str, Any]
@@ -83,12 +88,12 @@ def control_path(runtime: Path) -> Path:
 
 
 def runtime_folder() -> Path:
-    """Where sockets are unless told otherwise: systemd's folder, the user's, or a private one."""
+    """Where sockets are unless told otherwise: systemd's folder, the user's, or one in his state folder."""
     if given := os.environ.get("RUNTIME_DIRECTORY"):
         return Path(given.split(":")[0])
     if base := os.environ.get("XDG_RUNTIME_DIR"):
         return Path(base) / "directrix"
-    return Path(f"/tmp/directrix-{os.getuid()}")
+    return state_folder() / "run"
 
 
 def note_runtime(state: Path, runtime: Path) -> None:
@@ -157,7 +162,11 @@ class Client:
 
     def ask(self, verb: str, **args: Any) -> Values:
         """The result of a verb. Raises CommandRefused."""
-        number, packet = self._packet(verb, args)
+        return self.ask_for(None, verb, args)
+
+    def ask_for(self, asker: Asker | None, verb: str, args: Values) -> Values:
+        """As ``ask``; ``asker``: for whom, None: this process' user."""
+        number, packet = self._packet(verb, args, asker)
         own = self._take()
         try:
             try:
@@ -181,12 +190,13 @@ class Client:
                 own.close()
             self._idle.clear()
 
-    def _packet(self, verb: str, args: Values) -> tuple[int, bytes]:
+    def _packet(self, verb: str, args: Values, asker: Asker | None) -> tuple[int, bytes]:
         """The number of a request, and the request."""
         with self._lock:
             self._number += 1
             number = self._number
-        packet = packed({"id": number, "verb": verb, "args": args})
+        by = {} if asker is None else {"by": asker.to_json()}
+        packet = packed({"id": number, "verb": verb, "args": args, **by})
         if len(packet) > MAX_BYTES:
             raise CommandRefused("bad", message("long_request", verb=verb, bytes=len(packet)))
         return number, packet
@@ -221,6 +231,10 @@ class Client:
         own.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, BUFFER_BYTES)
         try:
             own.connect(str(self._path))
+            uid = of_socket(own)[0]
+            if not may_serve(uid, self._path):
+                own.close()
+                raise CommandRefused("silent", message("stranger_serves", path=self._path, user=name_of(uid)))
         except (FileNotFoundError, ConnectionError) as error:
             own.close()
             raise CommandRefused("gone", message("no_service", path=self._path, why=error)) from error

@@ -33,7 +33,7 @@ from controller.machine.forms import (
 from controller.machine.reading import Reading, Rules, Unread
 from controller.messages import message
 from drives.profile import Override
-from drives.settings import DEMAND, INT32_MAX, OFF_DEMAND
+from drives.settings import ADDITIONAL_POSITION, DEMAND, INT32_MAX, OFF_DEMAND
 from drives.text_file import Source
 
 # What a device is expected to take until it is measured: a share of the longest that it may take,
@@ -277,6 +277,39 @@ class Clamp:
 
 
 @dataclass(frozen=True, slots=True)
+class LoadEncoder:
+    """A second encoder at the load, which the drive tells beside its motor's: the two are compared."""
+
+    index: int = key(Integer(0x2000, 0x6FFF), "object of its position, 32 bits", silent=ADDITIONAL_POSITION)
+    sub: int = key(Integer(0, 254), "its sub-index", silent=1)
+    tpdo: int = key(Integer(1, 4), "number of the one that takes it")
+    every: int = key(Integer(1, 240), "with every so many SYNCs", silent=1)
+    counts_per_unit: float = key(
+        Number(),
+        "of it; its sign is the direction; left out: as of the drive's position",
+        name="counts_per_{unit}",
+        per=_inner,
+        silent=lambda here: _axis(here).as_written("counts_per_unit"),
+        left_out="as of the axis",
+    )
+    most_off: float = key(
+        POSITIVE,
+        "by which it may differ from the motor since homing (absolute: since enabling): more is a fault",
+        name="most_off_{unit}",
+        scale=_size,
+        usual=FOLLOWING,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class LimitInputs:
+    """Limit switches of an axis that are wired to the I/O node: names of inputs, 1 where they are free."""
+
+    lower: str = key(TEXT, "of `[io]`: the switch at the lower end of the travel", silent="", may_be=OF_IO)
+    upper: str = key(TEXT, "of `[io]`: that at the upper end", silent="", may_be=OF_IO)
+
+
+@dataclass(frozen=True, slots=True)
 class Stopping:
     """How the drive should stop by itself, and its units; 0 = as ``nodes`` and the drive have it."""
 
@@ -317,7 +350,9 @@ class Axis:
         Choice({one.value: one for one in Kind}), "a slide, a rotary under the work, or a rotary in the head"
     )
     direction: Vector = key(
-        VECTOR, "of positive travel; a rotary turns the carried body about it, right-handed"
+        VECTOR,
+        "of positive travel; a slide that is not square leans up to 30 degrees, which is compensated; a "
+        "rotary turns the carried body about it, right-handed",
     )
     point_mm: Vector = key(  # machine frame at zero; unused for linear axes
         VECTOR,
@@ -370,6 +405,14 @@ class Axis:
         default=0,
     )
     clamp: Clamp | None = key(Sub(Clamp), "that holds it where it stands", default=None)
+    load_encoder: LoadEncoder | None = key(
+        Sub(LoadEncoder), "a second encoder at the load: compared with the motor's", default=None
+    )
+    limit_inputs: LimitInputs | None = key(
+        Sub(LimitInputs),
+        "its limit switches, where they are wired to the I/O node: motion into one that is pressed stops",
+        default=None,
+    )
     temperature: Temperature | None = key(
         Sub(Temperature), "where the drive tells how warm it is", default=None
     )
@@ -489,6 +532,11 @@ def _check_units(here: Reading) -> None:
         here.table.refuse("acceleration_unit_counts_s2", "unit_alone")
 
 
+def _check_load_encoder(here: Reading) -> None:
+    if here["counts_per_unit"] == 0.0:
+        here.table.refuse(f"counts_per_{here.unit}", "zero_encoder")
+
+
 def _homing(homing: Homing, _: Reading) -> Homing:
     """Method 0 is CiA 402's "no homing required": the encoder is absolute."""
     absolute = homing.absolute or homing.method == 0
@@ -507,4 +555,5 @@ RULES: Mapping[type, Rules] = {
     Following: Rules(fills={"tightens": lambda here: not here.table.holds(f"at_speed_{here.unit}")}),
     Temperature: Rules(checks=(_check_temperature,)),
     Demand: Rules(checks=(_check_demand,)),
+    LoadEncoder: Rules(checks=(_check_load_encoder,)),
 }

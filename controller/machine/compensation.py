@@ -21,6 +21,7 @@ from functools import lru_cache
 from itertools import pairwise
 from typing import NamedTuple
 
+from controller.machine.kinematics.slides import Slides
 from controller.machine.model import Axis, Limits, Machine, Pitch
 
 CELLS = 1024  # of a grid
@@ -190,7 +191,7 @@ def crossings(machine: Machine) -> tuple[Crossing, ...]:
 
 def largest(machine: Machine, index: int) -> float:
     """The most (mm, rad) by which an axis is sent elsewhere than to its joint."""
-    axis, found = machine.axes[index], 0.0
+    axis, found = machine.axes[index], Slides(machine.axes).farthest(machine.axes, index)
     table = deviation(axis)
     if table is not None:
         found += max(map(abs, table.mean)) + max(map(abs, table.half))

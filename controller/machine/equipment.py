@@ -103,12 +103,14 @@ def _taken(here: Reading, kind: str) -> list[str]:
     is_input = kind == "inputs"
     orient, changer = here["orient"], here.top["changer"]
     clamps = [axis.clamp for axis in here.top["axis"] if axis.clamp is not None]
+    ends = [axis.limit_inputs for axis in here.top["axis"] if is_input and axis.limit_inputs is not None]
+    of_ends = [name for one in ends for name in (one.lower, one.upper)]
     of_clamps = [clamp.input if is_input else clamp.output for clamp in clamps]
     of_orient = [orient.input if is_input else orient.output] if orient is not None else []
     of_changer = changer.names[is_input] if changer is not None else ()
     of_inverter = _of_inverter(here, is_input)
     own = INPUTS if is_input else OUTPUTS
-    return [*own, *of_inverter, *filter(None, of_clamps), *of_orient, *of_changer]
+    return [*own, *of_inverter, *filter(None, (*of_clamps, *of_ends)), *of_orient, *of_changer]
 
 
 def _of_inverter(here: Reading, is_input: bool) -> tuple[str, ...]:
@@ -376,6 +378,28 @@ def check_clamp(axis: Reading) -> None:
         table.refuse("output", "no_output", allowed=_listed(io, io.outputs if io else ()))
     if clamp.input and io.input(clamp.input) is None:
         table.refuse("input", "no_input", allowed=_listed(io, io.inputs))
+
+
+def check_limits(axis: Reading) -> None:
+    """Each of its limit switches is an input of the node, and no other switch is on that."""
+    if axis["limit_inputs"] is None:
+        return
+    table, io = axis.one_below("limit_inputs").table, axis.top["io"]
+    switches = [
+        (one.name, end, getattr(one.limit_inputs, end))
+        for one in axis.top["axis"]
+        if one.limit_inputs is not None
+        for end in ("lower", "upper")
+    ]
+    if not any(name for owner, _, name in switches if owner == axis["name"]):
+        axis.table.refuse("limit_inputs", "no_limits")
+    for n, (owner, end, name) in enumerate(switches):
+        if owner != axis["name"] or not name:
+            continue
+        if io is None or io.input(name) is None:
+            table.refuse(end, "no_input", allowed=_listed(io, io.inputs if io else ()))
+        if twin := next((one for one in switches[:n] if one[2] == name), None):
+            table.refuse(end, "limit_twice", other=f"{twin[0]} {twin[1]}")
 
 
 def _listed(io: Io | None, bits: Sequence[tuple[str, int]]) -> str:

@@ -9,13 +9,14 @@ Every refusal is a ``ConfigError`` in the form of ``toml_table``.
 from __future__ import annotations
 
 import difflib
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NoReturn
 
-from controller.geometry.vectors import Frame, Vector, X, Y, Z, cross, norm, scale, subtract
+from controller.geometry.vectors import Frame, Vector, X, Y, Z, angle_between, cross, norm, scale
 from controller.machine import (
     axes,
     changer_table,
@@ -32,6 +33,7 @@ from controller.machine.declaration import key
 from controller.machine.deviation_tables import Thermal
 from controller.machine.forms import TEXT, Number, Rows, Sub
 from controller.machine.kinematics import builds
+from controller.machine.kinematics.slides import Slides
 from controller.machine.model import (
     KEPT_OFFSETS,
     PERIODS_S,
@@ -67,6 +69,8 @@ from controller.messages import chain, message
 
 TOOL_TABLE = "tools.toml"
 LINEAR = {"X": X, "Y": Y, "Z": Z}
+# Of a slide from its axis: with three such, no two are nearer to each other than 30 degrees.
+MAX_LEAN_RAD = math.radians(30.0 + 1e-6)
 RULES: Mapping[type, Rules] = {
     **axes.RULES,
     **changer_table.RULES,
@@ -203,7 +207,7 @@ def _machine(general: Mapping[str, Any], tables: MachineFile, text: str) -> Mach
     offsets = [tables.offsets.get(name, Offset(Frame())) for name in KEPT_OFFSETS]
     return Machine(
         **{name: value for name, value in general.items() if name in Machine.__slots__},
-        axes=tuple(compensation.reserved(_pointed(axis)) for axis in tables.axis),
+        axes=Slides(tables.axis).limited([compensation.reserved(_pointed(axis)) for axis in tables.axis]),
         buses=tables.bus,
         tools=tables.tool,
         offsets=tuple(one.frame for one in offsets),
@@ -305,10 +309,20 @@ def _parallel(one: Vector, other: Vector) -> bool:
 
 
 def _check_frame(axis: Reading) -> None:
+    """A slide that is not square leans no further than makes X, Y and Z three directions."""
     if axis["kind"] is Kind.LINEAR:
-        wanted = LINEAR[axis["name"]]
-        if norm(subtract(_unit(axis["direction"]), wanted)) > PARALLEL:
-            axis.table.refuse("direction", "linear_frame", allowed=str(list(wanted)))
+        frame = LINEAR[axis["name"]]
+        if angle_between(axis["direction"], frame) > MAX_LEAN_RAD:
+            allowed = str([int(x) for x in frame])
+            axis.table.refuse("direction", "linear_frame", allowed=allowed, most=math.degrees(MAX_LEAN_RAD))
+
+
+def _check_still(axis: Reading) -> None:
+    """Nothing clamps a slide that moves for the others."""
+    slides = [one for one in axis.top["axis"] if not one.is_rotary]
+    leaning = not all(_parallel(one.direction, LINEAR[one.name]) for one in slides)
+    if axis["clamp"] is not None and axis["kind"] is Kind.LINEAR and leaning:
+        axis.table.refuse("clamp", "clamp_leaning")
 
 
 def _check_slopes(axis: Reading) -> None:
@@ -354,7 +368,14 @@ CHECKS: Mapping[type, Sequence[Check]] = {
     MachineFile: (_check_axes, _check_tools, _check_retract, _check_rotaries),
     Machine: (_check_kinematics,),
     Bus: (_check_bus,),
-    Axis: (_check_frame, _check_node, _check_slopes, equipment.check_clamp),
+    Axis: (
+        _check_frame,
+        _check_still,
+        _check_node,
+        _check_slopes,
+        equipment.check_clamp,
+        equipment.check_limits,
+    ),
     Spindle: (_check_devices, spindle.check_outputs),
     Io: (_check_devices,),
     Sensor: (equipment.check_sensor, equipment.check_probe),

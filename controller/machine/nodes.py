@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from controller.machine import compensation, drive_profiles
-from controller.machine.model import Axis, Demand, Machine, SpindlePosition, Temperature
+from controller.machine.kinematics.slides import Slides
+from controller.machine.model import Axis, Demand, LoadEncoder, Machine, SpindlePosition, Temperature
 from controller.machine.toml_table import ConfigError
 from controller.messages import message
 from drives.settings import (
@@ -38,9 +39,9 @@ def master_settings(machine: Machine) -> MasterSettings:
 
 def node_settings(machine: Machine) -> tuple[NodeSettings, ...]:
     """One drive per axis, in the axes' order, in counts; raises ``ConfigError`` without its EDS."""
-    return tuple(
-        _node(axis, compensation.largest(machine, i), machine) for i, axis in enumerate(machine.axes)
-    )
+    slides, axes = Slides(machine.axes), machine.axes
+    asked = [replace(axis, limits=slides.limits(axes, i)) for i, axis in enumerate(axes)]
+    return tuple(_node(axis, compensation.largest(machine, i), machine) for i, axis in enumerate(asked))
 
 
 def spindle_settings(machine: Machine) -> SpindleSettings | None:
@@ -150,6 +151,7 @@ def _node(axis: Axis, off: float, machine: Machine) -> NodeSettings:
         temperature_entry=_entry(axis.temperature) if axis.temperature else 0,
         setpoint_deadline_s=axis.setpoint_deadline_s,
         **({} if axis.demand is None else _demand_settings(axis.demand)),
+        **({} if axis.load_encoder is None else _load_settings(axis, axis.load_encoder)),
     )
 
 
@@ -160,6 +162,17 @@ def _demand_settings(told: Demand) -> dict[str, Any]:
         "demand_index": told.index,
         "demand_every": told.every,
         "demand_per_count": told.per_count,
+    }
+
+
+def _load_settings(axis: Axis, encoder: LoadEncoder) -> dict[str, Any]:
+    """Where the encoder at the load is told, and what it may differ by."""
+    return {
+        "load_tpdo": encoder.tpdo,
+        "load_entry": encoder.index << 16 | encoder.sub << 8 | 32,
+        "load_every": encoder.every,
+        "load_per_count": encoder.counts_per_unit / axis.counts_per_unit,
+        "most_load_off_counts": encoder.most_off * abs(axis.counts_per_unit),
     }
 
 

@@ -9,9 +9,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
+from controller.geometry.vectors import angle_between
 from controller.machine.axes import Axis, Homing, Kind
 from controller.machine.declaration import Key, keys_of
-from controller.machine.machine_file import RULES, MachineFile
+from controller.machine.machine_file import LINEAR, RULES, MachineFile
 from controller.machine.model import Machine
 from controller.machine.named_files import NamedFiles
 from controller.machine.reading import Check, File, Reading
@@ -24,6 +25,7 @@ MAX_TO_SPEED_S = 5.0  # that an axis takes to its largest velocity,
 MAX_TO_ACCELERATION_S = 2.0  # and to its largest acceleration
 MAX_SEARCH_S = 600.0  # for the switch, along all of the travel, or one turn
 TURN = math.tau
+MAX_LEAN_DEG = 1.0  # of a slide from its axis: what is beyond it was built so
 MIN_WINDOW_COUNTS = 2.0  # of the following error: what is below stops the drive at once
 
 
@@ -76,6 +78,15 @@ def _check_travel(axis: Reading) -> None:
         )
 
 
+def _check_lean(axis: Reading) -> None:
+    """A slide is square to a fraction of a degree, or it is built otherwise."""
+    if axis["kind"] is Kind.LINEAR:
+        frame = LINEAR[axis["name"]]
+        off_deg = math.degrees(angle_between(axis["direction"], frame))
+        if off_deg > MAX_LEAN_DEG:
+            axis.table.refuse("direction", "leaning", off_deg=off_deg, frame=str([int(x) for x in frame]))
+
+
 def _check_ramps(axis: Reading) -> None:
     """The largest velocity and acceleration are reached within seconds."""
     limits, unit = axis["limits"], axis.unit
@@ -123,7 +134,7 @@ def _check_run_up(spindle: Reading) -> None:
 
 
 CHECKS: Mapping[type, Sequence[Check]] = {
-    Axis: (_check_travel, _check_ramps, _check_window, _check_brake),
+    Axis: (_check_travel, _check_lean, _check_ramps, _check_window, _check_brake),
     Homing: (_check_homing,),
     Spindle: (_check_run_up,),
 }

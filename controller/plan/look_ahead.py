@@ -88,6 +88,7 @@ class Sent:
     pieces: tuple[Piece, ...]
     course: FeedCourse | None = None  # None: a pause
     profile: Profile | None = None
+    laws: binding.Laws = ()  # of the profile, stretch by stretch
     stops: StopTable | None = None
     stretches: dict[int, Stretch] = field(default_factory=dict)  # of its motions, by id
     is_split: bool = False  # a block of the program ends inside
@@ -321,6 +322,7 @@ class Windows:
             (),
             course,
             found,
+            found.laws(course),
             stretches={unit.motion_id: s for unit, s in zip(units, stretches, strict=True)},
             is_split=any(unit.block_end for unit in units[:-1]) or any(unit.lines_end for unit in units),
             has_optional_stop=any(unit.optional_stop for unit in units[:-1])
@@ -340,9 +342,9 @@ class Windows:
         return Place(place.unit + last, reach.until - float(course.zeros[last]))
 
     def _pieces(self, made: Sent, units: list[Unit], reach: _Reach) -> tuple[Piece, ...]:
-        assert made.profile is not None and made.course is not None
-        pieces, laws = [], made.profile.laws(made.course)
-        for (k, law), binds in zip(laws, self._binds(made.course, laws), strict=True):
+        assert made.course is not None
+        pieces: list[Piece] = []
+        for (k, law), binds in zip(made.laws, self._binds(made.course, made.laws), strict=True):
             stretch, orders = made.course.stretches[k], made.orders
             rapid = stretch.feed_mm_s is None
             pieces.append(

@@ -101,6 +101,15 @@ class Stretch:
             return 1.0
         return override * (adaptive if self.overrides.adaptive else everywhere)
 
+    @property
+    def even_feed(self) -> float | None:
+        """The same speed anywhere on it; None: it changes."""
+        if isinstance(self.motion, ToolSpline) or self.feed_steps or self.turning:
+            return None
+        if self.feed_mm_s is None or not isinstance(self.motion, ToolLine):
+            return math.inf if self.feed_mm_s is None else self.feed_mm_s
+        return self.feed_mm_s / max(self.motion.tip_rate, MIN_TIP_RATE)
+
     def feed_at(self, s: Array) -> Array:
         """Programmed speed in the unit of s per second at the places ``s`` (N,); inf on rapids.
 

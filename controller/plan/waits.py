@@ -16,8 +16,8 @@ from dataclasses import replace
 
 from controller.machine.model import Machine, Spindle
 from controller.plan.stretch import Chain, Pause, Wait
+from controller.program.output_words import steps_of
 from controller.program.program import Act, Changing, Level, Place
-from controller.program.tool_change_words import steps_of
 
 # What is switched at rest, and seen to be so.
 SETTING = (Act.SPINDLE, Act.COOLANT, Act.OUTPUT, Act.INPUT, Act.TOOL, Act.CLAMP, Act.PROBE)

@@ -21,21 +21,18 @@ from types import MappingProxyType
 from controller.machine.model import Joints, Machine
 from controller.messages import Message, chain, message
 from controller.program import (
-    arc_words,
+    carried,
     codes,
     compensation,
     corner_words,
+    cycle_moves,
     cycles,
-    decoding,
     dynamic_offset,
     foreign,
-    kept,
-    line_words,
     linked,
-    mirror_words,
     modal,
     modal_words,
-    nurbs_words,
+    motion_words,
     offset_words,
     own_codes,
     planar_words,
@@ -43,14 +40,12 @@ from controller.program import (
     pocket_words,
     points,
     polar_words,
-    reference_words,
+    source_text,
     spline_words,
     surface_words,
-    thread_words,
-    tool_axis_words,
     words,
 )
-from controller.program.carried import InForce, after_program
+from controller.program.carried import InForce, Saved, after_program
 from controller.program.code_rows import Fate
 from controller.program.code_table import BY_DIALECT, HOLD_AXES, takers_of
 from controller.program.codes import (
@@ -64,7 +59,6 @@ from controller.program.codes import (
     ParsedLine,
     letters_of,
 )
-from controller.program.decoding import Bytes
 from controller.program.flow import Limits
 from controller.program.given import Given
 from controller.program.line import CommonRun, Upcoming
@@ -84,7 +78,7 @@ from controller.program.program import (
     Setting,
     Tip,
 )
-from controller.program.saved import Saved
+from controller.program.source_text import Bytes
 from controller.program.system_variables import SystemVariables
 from controller.program.words import Line, Word
 
@@ -112,7 +106,7 @@ _CLEARED = MappingProxyType(  # what has ended a motion, and the text that says 
         "G6.2": "cleared.G6.2",
         "G80": "cleared.G80",
         **dict.fromkeys(PROBES, "cleared.probe"),
-        **dict.fromkeys(thread_words.CODES, "cleared.thread"),
+        **dict.fromkeys(cycle_moves.THREADS, "cleared.thread"),
         **dict.fromkeys(CURVES, "cleared.curve"),
     }
 )
@@ -148,9 +142,10 @@ def stream(
     noted in ``in_force``.
     """
     program, behind = linked.parts(data)
-    text, remark = decoding.text_of(program, name)
+    text, remark = source_text.text_of(program, name)
     files = {
-        label: (file, decoding.text_of(content, file)[0].whole()) for label, (file, content) in behind.items()
+        label: (file, source_text.text_of(content, file)[0].whole())
+        for label, (file, content) in behind.items()
     }
     position = Position(machine, start or homed(machine))
     begun = dynamic_offset.refreshed(modal.begun(machine, begin), position, machine)
@@ -163,12 +158,15 @@ def stream(
     own = own_codes.calls(machine)
     limits = Limits(machine.call_levels, machine.program_passes, machine.without_point, own)
     common = CommonLines(machine, given)
-    read = words.read(text, name, block_delete, parameters, limits, files, refused, common.take, system)
+    front = foreign.front_lines(text, name, refused)
+    read: Iterator[Line | CommonRun] = front or words.read(
+        text, name, block_delete, parameters, limits, files, refused, common.take, system
+    )
     if remark is not None:
         yield Remark(remark[0], given.state.modal, remark[1])
     made = _blocks(Upcoming(read), machine, given, common, parameters, refused, in_force)
     beside = compensation.beside(made, given.position, machine, name, refused)
-    for together in foreign.judged(beside, text, name, refused):
+    for together in beside if front else foreign.judged(beside, text, name, refused):
         yield from together
 
 
@@ -306,7 +304,7 @@ def _notes_and_settings(told: list[Line], state: State) -> list[Block]:
         if line.message:
             said.append(OperatorMessage(line.place(1), state.modal, line.message))
         if line.kept:
-            said.append(Setting(line.place(1), state.modal, kept.of_parameters(line.kept)))
+            said.append(Setting(line.place(1), state.modal, carried.parameter_changes(line.kept)))
     told.clear()
     return said
 
@@ -370,7 +368,7 @@ class _BlockInterpreter:
         self._notes()
         self._origins()
         if self.state.origins.mirror is not None:
-            mirror_words.check(self._here(self._motion or self.ask.code("one-line")), self._motion)
+            offset_words.check_mirrored(self._here(self._motion or self.ask.code("one-line")), self._motion)
         if self.state.origins.following is not None:
             motion = self._motion or self.ask.code("one-line")
             self.state = dynamic_offset.followed(self._here(motion), self._motion)
@@ -498,7 +496,7 @@ class _BlockInterpreter:
 
     def _unowned(self, word: Word, takers: Sequence[tuple[str, str]]) -> ProgramError:
         if self._motion == "G6.2":
-            return nurbs_words.refusal(self.ask.line, word, message("surface.found", found=word.text))
+            return surface_words.nurbs_refusal(self.ask.line, word, message("surface.found", found=word.text))
         if self._motion in CURVES:
             return spline_words.refusal(self.ask.line, word, self._motion)
         if self._motion in SURFACES:
@@ -586,24 +584,24 @@ class _BlockInterpreter:
         elif turn:
             self.state = offset_words.rotation(self._here(turn))
         if code := self.ask.code("mirror"):
-            self.state = mirror_words.switched(self._here(code))
+            self.state = offset_words.mirrored(self._here(code))
         if code := self.ask.code("dynamic offset"):
             self.state = dynamic_offset.switched(self._here(code))
         if self._shifts:
             self.state = offset_words.local_shift(self._here("G52"))
             self.made.append(surface_words.shift_remark(self.ask, self.state))
         if once in TO_PLANE:
-            self.state, turned = tool_axis_words.turned(self._here(once))
+            self.state, turned = plane_words.turned(self._here(once))
             self.made += turned
         elif once in ("G28", "G30"):
-            self.made += reference_words.moves(self._here(once))
+            self.made += motion_words.to_reference(self._here(once))
         elif once in ("G28.1", "G30.1"):
-            self.state = reference_words.stored(self._here(once))
+            self.state = motion_words.store_reference(self._here(once))
         elif once == "G10" and self._has("L50"):
             self._parameters_of_the_control()
         elif once == "G10" or once.startswith("G92"):
             self.state = offset_words.applied(self._here(once), once)
-        if changes := kept.between(before, self.state):
+        if changes := carried.changes_between(before, self.state):
             self.made.append(Setting(self.ask.line.place(1), self.state.modal, changes))
 
     def _parameters_of_the_control(self) -> None:
@@ -626,24 +624,24 @@ class _BlockInterpreter:
         if motion == "G52":
             return [surface_words.ruled(here.ask, self.state, self._machine, self._ahead)]
         if motion == "G6.2":
-            return [nurbs_words.surface(here.ask, self.state, self._machine, self._ahead)]
+            return [surface_words.nurbs(here.ask, self.state, self._machine, self._ahead)]
         if motion in CURVES:
             made_curve, self.state = spline_words.curve(here, motion, word, self._ahead)
             return [made_curve]
         if motion in PROBES:
-            return [line_words.probing_line(here, motion, word)]
+            return [motion_words.probing_line(here, motion, word)]
         if motion in CYCLES:
             made, self.state = cycles.blocks(here, motion, word)
             return made
         if motion in pocket_words.CODES:
             return pocket_words.blocks(here, motion, word)
-        if motion in thread_words.CODES:
-            made, self.state = thread_words.blocks(here, motion, word)
+        if motion in cycle_moves.THREADS:
+            made, self.state = cycle_moves.thread_blocks(here, motion, word)
             return made
         return (
-            [line_words.line(here, motion, word)]
+            [motion_words.line(here, motion, word)]
             if motion in ("G0", "G1")
-            else [arc_words.arc(here, motion, word)]
+            else [motion_words.arc(here, motion, word)]
         )
 
     def _for_side(self) -> None:

@@ -3,6 +3,11 @@
 ``InForce`` knows the state at each line of a program that is read ahead of the machine. What of it goes on
 after a line typed by hand, after the end of a program and after a stop is decided here (RS-274/NGC 3.6.1 and
 3.5.17; on controls as Fanuc's the cleared state of M30 and reset), and its form as JSON, for records.
+
+``changes_between`` has what a line changes for good: beyond its program, and a loss of power. ``Saved`` keeps
+the state for M70 to M73 (as LinuxCNC): M70 keeps it, M72 gives it back, M71 forgets it; M73 keeps it and has
+it given back when the sub ends. Each call of a sub has its own. The motion mode stays as it is, and so does
+the tool.
 """
 
 from __future__ import annotations
@@ -15,13 +20,14 @@ from collections.abc import Mapping
 from dataclasses import fields, is_dataclass, replace
 from enum import Enum
 from types import MappingProxyType
-from typing import Any, get_args, get_origin, get_type_hints
+from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
-from controller.machine.model import Machine
-from controller.program.line import CommonRun
+from controller.machine.changes import Change, Shifted
+from controller.machine.model import KEPT_OFFSETS, Machine
+from controller.program.line import CommonRun, Line, Word
 from controller.program.modal import Cycle, State, power_on
 from controller.program.origins import Origins, Plane
-from controller.program.program import UNSAID, JointArc, JointLine, Modal, Side, TipLine
+from controller.program.program import UNSAID, Act, Action, Block, JointArc, JointLine, Modal, Side, TipLine
 
 MAX_ROWS = 20_000  # states that are remembered: more lines than are ever read ahead
 # Of a state what belongs to the text that is read, or is known again from the machine.
@@ -208,3 +214,91 @@ _LATER = {
 }
 # Resolved once: these name one another.
 _HINTS = {kind: get_type_hints(kind) for kind in (State, Modal, Origins, Plane, Cycle)}
+
+
+K = TypeVar("K")
+
+
+def changes_between(before: State, after: State) -> tuple[Change, ...]:
+    """From the state before a line to the one after it."""
+    if before is after:
+        return ()
+    old, new = before.origins, after.origins
+    made: list[Change] = []
+    if new.written is not old.written:
+        made += [Change("offsets", KEPT_OFFSETS[i], new.written[i]) for i in _fresh(old.written, new.written)]
+    if (new.shift, new.suspended) != (old.shift, old.suspended):
+        made.append(Change("shift", "G92", Shifted(new.shift, new.suspended)))
+    if after.tools is not before.tools:
+        made += [Change("tools", str(n), after.tools[n]) for n in _fresh(before.tools, after.tools)]
+    if after.references is not before.references:
+        made += [
+            Change("references", code, tuple([q or 0.0 for q in after.references[code]]))
+            for code in _fresh(before.references, after.references)
+        ]
+    return tuple(made)
+
+
+def parameter_changes(values: Mapping[int, float]) -> tuple[Change, ...]:
+    return tuple(Change("parameters", str(number), value) for number, value in values.items())
+
+
+def _fresh(before: Mapping[K, Any], after: Mapping[K, Any]) -> list[K]:
+    """The keys whose values are new; one that is set to what it was is set, too."""
+    return [key for key, value in after.items() if before.get(key) is not value]
+
+
+KEEP, FORGET, GIVE_BACK, KEEP_FOR_SUB = 70.0, 71.0, 72.0, 73.0
+GIVEN_BACK = (
+    *("mm_per_unit", "side", "absolute", "speed_rev_min", "turning", "feed_deg_s", "inverse", "per_turn"),
+    *("turn_feed", "centres_absolute", "to_clearance"),
+)
+CODES = (KEEP, FORGET, GIVE_BACK, KEEP_FOR_SUB)
+
+
+class Saved:
+    """What is kept in one run of a program."""
+
+    def __init__(self, machine: Machine) -> None:
+        self._machine = machine
+        self._kept: dict[int, State] = {}  # by the number of the call
+
+    def carry_out(self, line: Line, state: State) -> tuple[State, list[Block], Line]:
+        """The state, what it does to the machine, and the line without these codes."""
+        words = [word for word in line.words if word.letter == "M" and word.value in CODES]
+        if not words:
+            return state, [], line
+        if len(words) > 1:
+            raise line.refusal(words[1], "saved.two", first=words[0].text)
+        made: list[Block] = []
+        state = self._one(line, words[0], state, made)
+        return state, made, line.with_words(tuple(w for w in line.words if w not in words))
+
+    def _one(self, line: Line, word: Word, state: State, made: list[Block]) -> State:
+        for ended in [call for call in self._kept if call > line.sub]:
+            del self._kept[ended]
+        if word.value in (KEEP, KEEP_FOR_SUB):
+            self._kept[line.sub] = state
+        elif word.value == FORGET:
+            self._kept.pop(line.sub, None)
+        elif line.sub not in self._kept:
+            raise line.refusal(word, "saved.none")
+        else:
+            state, blocks = _given_back(line, word, state, self._kept[line.sub], self._machine)
+            made += blocks
+        return state
+
+
+def _given_back(
+    line: Line, word: Word, now: State, kept: State, machine: Machine
+) -> tuple[State, list[Block]]:
+    """Of the kept state what LinuxCNC keeps: neither the motion mode nor what stands behind the offsets."""
+    modal = replace(kept.modal, tool=now.modal.tool, cutter=now.modal.cutter, outputs=now.modal.outputs)
+    state = now._replace(modal=modal, **{name: getattr(kept, name) for name in GIVEN_BACK})
+    state = state.with_origins(replace(now.origins, index=kept.origins.index), machine)
+    place, made = line.place(word.column), list[Block]()
+    if modal.spindle_rev_min != now.modal.spindle_rev_min:
+        made.append(Action(place, state.modal, Act.SPINDLE))
+    if modal.coolant != now.modal.coolant:
+        made.append(Action(place, state.modal, Act.COOLANT))
+    return state, made

@@ -88,7 +88,6 @@ NOT_DONE: tuple[Code, ...] = (
     *refused(FANUC, "G22 G26 G27 G29"),
     *refused(FANUC, "G16 G65 G66", dialect="rs274"),
     *refused(HAAS, "G150 G253 G268 M83 M88", dialect="fanuc"),
-    *refused(BROTHER, "G100", dialect="fanuc"),
 )
 
 

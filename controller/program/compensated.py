@@ -10,9 +10,9 @@ from dataclasses import dataclass, replace
 from controller.geometry.vectors import ROUNDING
 from controller.machine.model import Machine
 from controller.messages import Message, message, text
-from controller.program.arc_words import PLANES
 from controller.program.contour import circles, ways
 from controller.program.contour.ways import Cut, Doubt, Way
+from controller.program.motion_words import PLANES, to_place
 from controller.program.position import Coordinate, Place3
 from controller.program.program import (
     Block,
@@ -129,9 +129,7 @@ class Cutter:
 
     def _step(self, held: Held) -> Step:
         block = held.block
-        if not isinstance(block, JointLine | JointArc) or (
-            isinstance(block, JointLine) and block.machine_frame
-        ):
+        if not isinstance(block, JointLine | JointArc) or block.machine_frame:
             raise self._wrong(held, "beside.no_plane_of_machine")
         start, end = self._point(held, held.before), self._point(held, held.after)
         number = 0 if self._last is None else self._last.number + 1
@@ -316,11 +314,7 @@ class Cutter:
         return tuple(made)
 
     def _only(self, point: complex) -> Targets:
-        made: list[Coordinate] = [None] * len(self._machine.axes)
-        linear = self._machine.linear()
-        for axis, value in zip(self._axes, (point.real, point.imag), strict=False):
-            made[linear[axis]] = value
-        return tuple(made)
+        return to_place(self._machine, (point.real, point.imag), self._axes)
 
     def _standing(self, held: Held, point: complex) -> Block:
         """A move that moves nothing in the plane, beside the contour."""

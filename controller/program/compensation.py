@@ -15,9 +15,9 @@ from dataclasses import replace
 
 from controller.machine.model import Machine
 from controller.messages import message
-from controller.program.arc_words import PLANES
 from controller.program.compensated import MOTIONS, Cutter, Held, NotBesideError, to_end
 from controller.program.line import CommonRun
+from controller.program.motion_words import PLANES
 from controller.program.position import Position
 from controller.program.program import (
     Block,

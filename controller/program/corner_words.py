@@ -15,10 +15,10 @@ from typing import NamedTuple
 
 from controller.geometry.vectors import ROUNDING
 from controller.machine.model import Machine
-from controller.program.arc_words import PLANES
 from controller.program.contour import circles, ways
 from controller.program.contour.ways import Way
 from controller.program.line import Line
+from controller.program.motion_words import PLANES, to_place
 from controller.program.position import Place3
 from controller.program.program import Block, JointArc, JointLine, Modal, Place, ProgramError, Targets
 from controller.program.words import Word
@@ -53,7 +53,7 @@ def moved(made: Sequence[Block]) -> Motion | None:
     if len(motions) != 1 or motions[0] is not made[-1]:
         return None
     block = motions[0]
-    odd = isinstance(block, JointLine) and (block.machine_frame or block.thread or block.probe)
+    odd = block.machine_frame or block.thread or block.probe
     return None if odd or block.feed_mm_s is None or block.time_s is not None else block
 
 
@@ -204,11 +204,7 @@ def _at(way: Way, corner: complex, far: float, place: float) -> complex | None:
 
 
 def _targets(move: Move, point: complex, machine: Machine) -> Targets:
-    found: list[float | None] = [None] * len(machine.axes)
-    first, second, _ = PLANES[move.block.modal.plane]
-    linear = machine.linear()
-    found[linear[first]], found[linear[second]] = point.real, point.imag
-    return tuple(found)
+    return to_place(machine, (point.real, point.imag), PLANES[move.block.modal.plane])
 
 
 def _block(move: Move, one: _Plain, machine: Machine) -> Motion:

@@ -19,10 +19,11 @@ from types import MappingProxyType
 
 from controller.geometry.vectors import ROUNDING, Vector, angle_between
 from controller.messages import Key, chain, message
-from controller.program import line_words, output_words, thread_words
+from controller.program import cycle_moves, motion_words, output_words
 from controller.program.codes import CYCLES, ParsedLine
-from controller.program.cycle_way import PLANES, Way
+from controller.program.cycle_moves import Way
 from controller.program.modal import Cycle, State, dwell_s
+from controller.program.motion_words import PLANES
 from controller.program.offset_words import Here
 from controller.program.position import Coordinate
 from controller.program.program import Block, Remark, Tip
@@ -126,11 +127,11 @@ def blocks(here: Here, code: str, word: Word) -> tuple[list[Block], State]:
     cycle, now = _cycle(here, code, word)
     feed = here.state.feed(here.ask, code, word)
     hole = "tap" if code in TAPS else "drill"
-    way = Way(here, here.ask.place(word), feed, line_words.targets(here), hole)
+    way = Way(here, here.ask.place(word), feed, motion_words.targets(here), hole)
     before = here.state.motion
     beneath = here.state.beneath if before in CYCLES else before
     state = here.state._replace(cycle=cycle, motion=code, beneath=beneath)
-    rigid = code in TAPS and thread_words.is_rigid(here)
+    rigid = code in TAPS and cycle_moves.is_rigid(here)
     if code in TAPS and not rigid:
         state = _note_floating(way, state, code)
     clearance, bottom = _heights(here, cycle)
@@ -144,7 +145,7 @@ def blocks(here: Here, code: str, word: Word) -> tuple[list[Block], State]:
         way.rapid(x, y, start)
         if start != clearance and code != "G87":
             way.rapid(None, None, clearance)
-        (thread_words.tap if rigid else _DRILL[code])(way, cycle, clearance, bottom)
+        (cycle_moves.tap if rigid else _DRILL[code])(way, cycle, clearance, bottom)
         way.rapid(None, None, way.end)
         start = way.end
     return way.made, state._replace(modal=replace(state.modal, outputs=way.modal.outputs))
@@ -250,7 +251,7 @@ def _depth(here: Here, code: str, word: Word, before: Cycle | None) -> Coordinat
 
 def _check_pecks(here: Here, given: Word | None, depth: Coordinate) -> None:
     """Q of a tap. Raises ProgramError."""
-    if given is not None and not thread_words.is_rigid(here):
+    if given is not None and not cycle_moves.is_rigid(here):
         raise here.ask.refusal(given, "cycle.pecks_of_a_tap")
     if given is not None and depth is not None and depth <= 0.0:
         raise here.ask.refusal(given, "cycle.no_peck")

@@ -15,7 +15,7 @@ from dataclasses import replace
 from controller.geometry.vectors import Frame
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import FIXTURES, Kind, Machine, Pair
-from controller.program import line_words
+from controller.program import motion_words
 from controller.program.codes import SURFACES, ParsedLine
 from controller.program.modal import State
 from controller.program.offset_words import Here
@@ -115,7 +115,7 @@ def _at_end(here: Here, motion: str) -> Sequence[Coordinate]:
     if not motion:
         return now
     machine = here.machine
-    targets = machine.pair(line_words.targets(here), None)
+    targets = machine.pair(motion_words.targets(here), None)
     relative = not here.state.absolute and here.ask.code("one-line") != "G53"
 
     def end(q: Coordinate, target: Coordinate) -> Coordinate:

@@ -289,6 +289,8 @@ class Values:
         if name == "exists":
             return self._exists()
         start = self._at
+        if name == "pow" and not self._parameters.of_fanuc:
+            raise self.refusal(start - len(name), "value.pow")
         if self._parameters.of_fanuc and name in ("pow", "atan"):
             value, other = self._pair()
             if other is not None:

@@ -14,14 +14,14 @@ from dataclasses import dataclass, field
 
 from controller.machine.model import CALL_LEVELS, PROGRAM_PASSES
 from controller.messages import Key, message
-from controller.program import macro_calls, macros, marks, own_codes
-from controller.program.decoding import NEWLINE
+from controller.program import macros, marks, own_codes
 from controller.program.expressions import GAPS, Values
 from controller.program.line import Line, Where, Word
-from controller.program.macro_calls import NUMBER_OF, Macro
+from controller.program.macros import NUMBER_OF, Macro
 from controller.program.marks import ALONE, COMPUTED, STRUCTURES, Mark, Marks
 from controller.program.parameters import ARGUMENTS, Name, Parameters
 from controller.program.program import Caller, Callers, ProgramError
+from controller.program.source_text import NEWLINE
 
 LOCAL, CALLS, OF_FILE, RETURNS, RESTORES = 97.0, 98.0, 198.0, 99.0, 73.0  # M97, M98, M198, M99, M73
 ANY_CALL = (LOCAL, CALLS, OF_FILE)
@@ -162,7 +162,7 @@ class Run:
         if self._limits.own_codes and (call := own_codes.call_in(line, self._limits.own_codes)) is not None:
             self._own(line, call)
             return
-        if self._parameters.of_fanuc and (call := macro_calls.call_in(line)) is not None:
+        if self._parameters.of_fanuc and (call := macros.call_in(line)) is not None:
             yield from self._macro(line, call)
             return
         frame.restores |= any(w.letter == "M" and w.value == RESTORES for w in line.words)
@@ -506,7 +506,7 @@ class Run:
         if self._parameters.of_fanuc:
             numbered = tuple(word for word in words if word.letter in "IJK" or word.letter in NUMBER_OF)
             inches = self._parameters.value("_metric") == 0.0
-            values |= macro_calls.arguments(line, call, numbered, self._limits.without_point, inches)
+            values |= macros.arguments(line, call, numbered, self._limits.without_point, inches)
         if label.isdigit():
             frame = self._enter_numbered(line, call, label, 1)
             frame.values = values
@@ -520,11 +520,11 @@ class Run:
 
     def _macro(self, line: Line, call: Word) -> Iterator[Line]:
         """G65, G66 and G67, behind what stands before them."""
-        before, behind = macro_calls.parted(line, call)
-        kept = (*before, *behind) if call.value == macro_calls.NO_MORE else before
+        before, behind = macros.parted(line, call)
+        kept = (*before, *behind) if call.value == macros.NO_MORE else before
         if kept or line.says:
             yield line.with_words(kept)
-        if call.value == macro_calls.NO_MORE:
+        if call.value == macros.NO_MORE:
             self._modal = None
             self._parameters.note_modal_call(False)
             return
@@ -534,9 +534,9 @@ class Run:
         number, rounds = (_count_of(line, letters.get(letter)) for letter in "PL")
         words = tuple(word for word in behind if word.letter not in "PL")
         inches = self._parameters.value("_metric") == 0.0
-        values = macro_calls.arguments(line, call, words, self._limits.without_point, inches)
+        values = macros.arguments(line, call, words, self._limits.without_point, inches)
         macro = Macro(str(number), rounds, values, line, call)
-        if call.value == macro_calls.NOW:
+        if call.value == macros.NOW:
             self._call_macro(line, macro, modal=False)
         elif self._modal is not None:
             raise line.refusal(call, "macro.modal_twice", line=self._modal.line.number)
@@ -547,7 +547,7 @@ class Run:
 
     def _behind(self, line: Line) -> None:
         """The modal macro behind a line that moves, but in its own lines."""
-        if self._modal is not None and not self._modal_calls and macro_calls.moves(line):
+        if self._modal is not None and not self._modal_calls and macros.moves(line):
             self._call_macro(line, self._modal, modal=True)
 
     def _call_macro(self, line: Line, macro: Macro, modal: bool) -> None:

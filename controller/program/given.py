@@ -16,11 +16,11 @@ from controller.machine.model import Machine, Sensor
 from controller.messages import Key, message
 from controller.program.line import Line
 from controller.program.modal import State
+from controller.program.motion_words import reference
 from controller.program.origins import NONE
-from controller.program.parameters import Name, NoValue
+from controller.program.parameters import Name, NoValue, written
 from controller.program.position import Position
 from controller.program.program import Block, JointLine, Tip, TipLine
-from controller.program.reference_words import reference
 
 LETTERS = "xyzabcuvw"  # of positions, in the order of their numbers
 FIRST_OFFSET, OFFSET_STEP = 5221, 20  # G54's X, and from one work offset to the next
@@ -254,11 +254,7 @@ class Given:
 
 
 def _unknown(key: Name, letter: str) -> NoValue:
-    return NoValue("value.not_known", name=_written(key), axis=letter.upper())
-
-
-def _written(key: Name) -> str:
-    return f"#<{key}>" if isinstance(key, str) else f"#{key}"
+    return NoValue("value.not_known", name=written(key), axis=letter.upper())
 
 
 def _code(code: str) -> float:

@@ -23,7 +23,7 @@ from typing import TypeVar
 
 from controller.machine.model import Machine
 from controller.program import own_codes
-from controller.program.decoding import Bytes
+from controller.program.source_text import Bytes
 
 MAX_FILES = 200
 SHIPPED = Path(__file__).resolve().parents[2] / "config" / "programs" / "probing"

@@ -16,10 +16,9 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 
 from controller.messages import Key, message
-from controller.program.comments import without_comments
-from controller.program.decoding import NEWLINE, Text
 from controller.program.expressions import GAPS
 from controller.program.program import ProgramError
+from controller.program.source_text import NEWLINE, Text, without_comments
 
 PERCENT = re.compile(
     r"[ \t]*%[ \t]*(?:;.*)?"

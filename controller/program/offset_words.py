@@ -1,9 +1,14 @@
-"""G10, G52, G68, G69 and G92: what they make of the origins and of the tool table.
+"""G10, G50.1, G51.1, G52, G68, G69 and G92: what they make of the origins and of the tool table.
 
 Under rs274 G10 reads as LinuxCNC has it, and G52 and G92 write the same shift. Under fanuc G10 L2 takes
 distances under G91, L20 means the offsets of G54.1, L10 to L13 take values, and G52 is a shift of its own.
 L120 is of both, for probing cycles: as L20 of rs274, and R turns the offset by so many degrees from the
 active one. One that nobody has set begins as the active one. L121 is L1 of rs274.
+
+G51.1 mirrors positions at a place of each axis (B-64484EN, programmable mirror): a word X under G51.1 X10.
+means 20 - X. It stands inside of G68, so the coordinates are mirrored, then turned, then shifted; arcs go
+round the other way and G41 is G42, seen from the machine. G50.1 with words ends it for these axes, without
+any for all. Tool-centre control, tilted planes and surfaces have no mirrored meaning.
 """
 
 from __future__ import annotations
@@ -17,10 +22,11 @@ from typing import Any, NamedTuple
 from controller.geometry.vectors import ZERO, Frame, Vector, X, Y, Z, add
 from controller.machine.model import FIXTURES, MAX_WEAR_MM, OFFSETS, Machine, Offset, Shift, Tool
 from controller.messages import Key
-from controller.program.codes import ParsedLine
+from controller.program.codes import SURFACES, ParsedLine
 from controller.program.modal import State, tool_list
-from controller.program.origins import NONE, Origins, about, fixture_index, turned_about_z, within
+from controller.program.origins import NONE, Mirror, Origins, about, fixture_index, turned_about_z, within
 from controller.program.position import Coordinate, Position
+from controller.program.program import ProgramError, Tip
 from controller.program.words import Word
 
 NORMALS = MappingProxyType({"G17": Z, "G18": Y, "G19": X})
@@ -312,3 +318,48 @@ def _centre(here: Here, unturned: State, normal: Vector, word: Word) -> Vector:
             continue
         (found[i],) = here.known(word, (now[i] if said is None else said,), Key("position.g68"))
     return found[0], found[1], found[2]
+
+
+def mirrored(here: Here) -> State:
+    """The state after G51.1 or G50.1. Raises ProgramError."""
+    code, word = here.ask.codes["mirror"]
+    said, mirror = here.lengths_mm(), here.state.origins.mirror or (None, None, None)
+    if code == "G51.1":
+        if all(value is None for value in said):
+            raise here.ask.refusal(word, "mirror.nowhere")
+        made = [old if value is None else value for old, value in zip(mirror, said, strict=True)]
+    else:
+        ends = all(value is None for value in said)
+        made = [None if ends or value is not None else old for old, value in zip(mirror, said, strict=True)]
+    found: Mirror | None = (made[0], made[1], made[2])
+    if made == [None, None, None]:
+        found = None
+    return here.state.with_origins(replace(here.state.origins, mirror=found), here.machine)
+
+
+def check_mirrored(here: Here, motion: str) -> None:
+    """Refuses what has no mirrored meaning. Raises ProgramError."""
+    state, once = here.state, here.ask.code("one-line")
+    other = ""
+    if state.modal.tip is not Tip.OFF:
+        other = "G43.4" if state.modal.tip is Tip.ROTARIES else "G43.5"
+    elif state.modal.tilted or state.origins.waiting is not None:
+        other = "G68.2"
+    elif motion in SURFACES:
+        other = motion
+    elif once == "G92" or here.ask.code("motion") == "G52":
+        other = once or "G52"
+    elif once == "G10":
+        other = "G10 L20" if here.ask.words["L"].value in (20.0, 120.0) and not _is_plain(here) else ""
+    if other:
+        raise _beside_mirror(here, other)
+
+
+def _is_plain(here: Here) -> bool:
+    """Whether L20 sets an offset by its values (Fanuc's G54.1), and not by where the tool stands."""
+    return here.machine.dialect == "fanuc" and here.ask.words["L"].value == 20.0
+
+
+def _beside_mirror(here: Here, other: str) -> ProgramError:
+    named = (word for code, word in here.ask.codes.values() if code in (other, "G51.1"))
+    return here.ask.refusal(next(named, here.ask.line.words[0]), "mirror.beside", other=other)

@@ -16,8 +16,8 @@ from types import MappingProxyType
 
 from controller.machine.model import Machine
 from controller.machine.program_table import CODE
-from controller.program.decoding import Text
 from controller.program.line import Line, Word
+from controller.program.source_text import Text
 
 Codes = Mapping[tuple[str, float], str]  # letter and number -> what is meant
 

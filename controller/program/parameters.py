@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
-from typing import Protocol
+from typing import Protocol, TypeGuard
 
 from controller.machine.changes import Change
 from controller.messages import Message, message
@@ -24,6 +24,11 @@ VACANT = range(1000)  # there, until a program sets them: neither 0 nor a number
 OF_PROBING = range(5061, 5071)  # of the last probing move: what a program sets there holds until the next
 RETURNED = ("_value", "_value_returned")  # what the last sub gave back, and whether it did
 _BEGUN: Mapping[Name, float] = MappingProxyType({**dict.fromkeys(RETURNED, 0.0), SAYS_DEBUG: 1.0})
+
+
+def written(key: Name) -> str:
+    """A parameter as programs write it."""
+    return f"#{key}" if isinstance(key, int) else f"#<{key}>"
 
 
 class NoValue(Exception):
@@ -96,7 +101,7 @@ class Parameters:
         self._locals: list[dict[Name, float]] = [{}]  # of the program, and of each sub that runs in it
         for name, value in left:
             key = int(name) if name.isdigit() else name
-            if not (isinstance(key, int) and self._is_persistent(key)):
+            if not self._is_persistent(key):
                 self._room(key)[key] = value
 
     @property
@@ -111,10 +116,10 @@ class Parameters:
 
     def value(self, key: Name) -> float:
         """Raises NoValue."""
-        if isinstance(key, int) and key in OF_PROBING and (probed := self._global.get(key)) is not None:
+        if key in OF_PROBING and (probed := self._global.get(key)) is not None:
             return probed  # that a line by hand has left
-        if (system := self._of_system(key)) is not None and isinstance(key, int):
-            return system.value(key)
+        if self._system is not None and self._is_of_system(key):
+            return self._system.value(key)
         if (found := self._room(key).get(key)) is not None:
             return found
         if (given := self._of_the_control(key)) is not None:
@@ -125,11 +130,11 @@ class Parameters:
 
     def is_vacant(self, key: Name) -> bool:
         """Whether it is there and nobody has set it: on controls as Fanuc's neither 0 nor a number."""
-        return isinstance(key, int) and key in self._vacant and key not in self._room(key)
+        return key in self._vacant and key not in self._room(key)
 
     def may_be_vacant(self, key: Name) -> bool:
         """Whether its value can be taken from it; what outlives the program keeps a number."""
-        return isinstance(key, int) and key in self._vacant and not self._is_persistent(key)
+        return key in self._vacant and not self._is_persistent(key)
 
     def exists(self, key: Name) -> bool:
         """As EXISTS asks: every number does."""
@@ -141,8 +146,8 @@ class Parameters:
 
     def check_settable(self, key: Name) -> None:
         """Raises NoValue for what a program cannot set."""
-        if (system := self._of_system(key)) is not None and isinstance(key, int):
-            system.check_settable(key)
+        if self._system is not None and self._is_of_system(key):
+            self._system.check_settable(key)
             return
         first, last = OF_THE_MACHINE.start if self.of_fanuc else OF_PROBING.stop, OF_THE_MACHINE.stop - 1
         if isinstance(key, int) and first <= key <= last and key != SAYS_DEBUG:
@@ -150,14 +155,14 @@ class Parameters:
         if key in RETURNED or (isinstance(key, str) and self._is_given(key)):
             raise NoValue("value.given", name=key)
 
-    def _of_system(self, key: Name) -> System | None:
-        """The system variables, where a number is one of them and not kept for programs."""
+    def _is_of_system(self, key: Name) -> TypeGuard[int]:
+        """Whether a number is a system variable, and not kept for programs."""
         if self._system is None or not isinstance(key, int) or not self._system.has(key):
-            return None
-        return None if self._is_persistent(key) else self._system
+            return False
+        return not self._is_persistent(key)
 
-    def _is_persistent(self, key: int) -> bool:
-        return any(low <= key <= high for low, high in self._kept)
+    def _is_persistent(self, key: Name) -> TypeGuard[int]:
+        return isinstance(key, int) and any(low <= key <= high for low, high in self._kept)
 
     def set(self, settings: Mapping[Name, float | None]) -> None:
         """The settings of a line, which take effect together; None makes vacant. Raises NoValue."""
@@ -165,11 +170,11 @@ class Parameters:
             if value is None:
                 self._room(key).pop(key, None)
                 continue
-            if (system := self._of_system(key)) is not None and isinstance(key, int):
-                system.set(key, value)
+            if self._system is not None and self._is_of_system(key):
+                self._system.set(key, value)
                 continue
             self._room(key)[key] = value
-            if isinstance(key, int) and self._is_persistent(key):
+            if self._is_persistent(key):
                 self._fresh[key] = value
 
     def forget_probed(self) -> None:
@@ -195,7 +200,7 @@ class Parameters:
         return tuple(
             (str(key), value)
             for key, value in values.items()
-            if not (isinstance(key, int) and self._is_persistent(key)) and value != _BEGUN.get(key)
+            if not self._is_persistent(key) and value != _BEGUN.get(key)
         )
 
     def _probed(self, key: int) -> float | None:

@@ -15,7 +15,6 @@ from types import MappingProxyType
 from controller.geometry.vectors import Vector
 from controller.machine.model import STILL, Machine
 from controller.program import points
-from controller.program.arc_words import PLANES
 from controller.program.given import Given
 from controller.program.line import (
     AXES,
@@ -34,8 +33,8 @@ from controller.program.line import (
     Rows,
     common,
 )
-from controller.program.line_words import SHORTEST_VECTOR
 from controller.program.modal import FEEDS, State
+from controller.program.motion_words import PLANES, SHORTEST_VECTOR
 from controller.program.points import POINTLESS
 from controller.program.program import Action, Block, JointArc, JointLine, Place, Targets, Tip, TipLine
 

@@ -16,7 +16,7 @@ import math
 
 from controller.geometry.vectors import ROUNDING
 from controller.program import planar_words
-from controller.program.arc_words import PLANES
+from controller.program.motion_words import PLANES, to_place
 from controller.program.offset_words import Here
 from controller.program.position import Coordinate
 from controller.program.program import Block, JointArc, JointLine, Targets, Tip
@@ -90,10 +90,7 @@ class _Way:
         self._place, self._modal = here.ask.place(word), here.state.modal
 
     def _targets(self, x: Coordinate, y: Coordinate, z: Coordinate) -> Targets:
-        found: list[Coordinate] = [None] * len(self._here.machine.axes)
-        for i, value in zip(self._here.machine.linear(), (x, y, z), strict=True):
-            found[i] = value
-        return tuple(found)
+        return to_place(self._here.machine, (x, y, z))
 
     def to_the_middle(self) -> list[Block]:
         """By X and Y of the line, at rapid."""

@@ -15,9 +15,9 @@ from dataclasses import replace
 
 from controller.machine.model import Machine
 from controller.messages import Key
-from controller.program.arc_words import PLANES
 from controller.program.codes import SURFACES, ParsedLine
 from controller.program.modal import INCHES, State
+from controller.program.motion_words import PLANES
 from controller.program.offset_words import Here
 from controller.program.position import Coordinate, Position
 from controller.program.words import Word

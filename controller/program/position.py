@@ -22,7 +22,6 @@ from controller.program.program import (
     CutCone,
     CutNurbs,
     CutRuled,
-    JointLine,
     JointMotion,
     Modal,
     Tip,
@@ -216,7 +215,7 @@ class Position:
         if words == (None, None, None):
             return
         here, (a, b) = self._xyz, self._rotaries
-        if isinstance(block, JointLine) and block.machine_frame:
+        if block.machine_frame:
             frame, length = Frame(), 0.0
         elif not block.modal.tilted:
             frame, length = block.modal.frame(self._machine), block.modal.length_mm
@@ -281,9 +280,7 @@ class Position:
 
 def _is_position(block: JointMotion) -> bool:
     """Whether its words say where it ends, whatever comes before it."""
-    if block.relative or block.modal.tilted:
-        return False
-    return not (isinstance(block, JointLine) and block.machine_frame)
+    return not (block.relative or block.modal.tilted or block.machine_frame)
 
 
 def _in_one_frame(a: Modal, b: Modal) -> bool:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 from controller.geometry.splines import BSpline
 from controller.geometry.vectors import Frame, Vector
@@ -341,6 +341,9 @@ class TipLine:
 class JointArc:
     """G2/G3 in the plane (a, b) with a helix along the third axis; centre by I J K or R."""
 
+    machine_frame: ClassVar[bool] = False  # as JointLine
+    thread: ClassVar[None] = None
+    probe: ClassVar[None] = None
     place: Place
     modal: Modal
     plane: tuple[int, int, int]  # 0..2 for X Y Z: first, second, normal axis of the plane
@@ -367,6 +370,7 @@ class Control(NamedTuple):
 class JointCurve:
     """G5, G5.1 and G5.2: a B-spline in X and Y with even knots, from the start to the last point."""
 
+    machine_frame: ClassVar[bool] = False  # as JointLine
     place: Place
     modal: Modal
     order: int  # degree + 1

@@ -13,9 +13,9 @@ from typing import Any
 
 from controller.machine.model import Joints, Machine
 from controller.messages import DEFAULT, Message, chain, message, text
-from controller.program import blocks, caret, linked
-from controller.program.decoding import NEWLINE
+from controller.program import blocks, linked, source_text
 from controller.program.program import ProgramError
+from controller.program.source_text import NEWLINE
 
 MAX_REPORTED = 100  # that are told one by one
 MAX_WIDE = 100  # columns of a line that is shown
@@ -90,7 +90,7 @@ def shown(error: ProgramError, by_file: Mapping[str, Sequence[str]]) -> list[str
     lines = by_file.get(error.file, ())
     if not 0 < error.line <= len(lines):
         return []
-    return caret.pointed([lines[error.line - 1]], error.column, MAX_WIDE)
+    return source_text.pointed([lines[error.line - 1]], error.column, MAX_WIDE)
 
 
 def pointed(error: ProgramError, by_file: Mapping[str, Sequence[str]], language: str = DEFAULT) -> str:

@@ -16,9 +16,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from controller.messages import Key
+from controller.program import motion_words
 from controller.program.modal import State
 from controller.program.offset_words import Here
-from controller.program.program import Control, JointCurve, ProgramError, Targets, Tip
+from controller.program.program import Control, JointCurve, ProgramError, Tip
 from controller.program.words import Line, Word
 
 ORDERS = range(3, 9)
@@ -49,16 +50,9 @@ def curve(here: Here, motion: str, word: Word, lines: Iterator[Line]) -> tuple[J
     if motion == "G5":
         p, q = controls[2].off
         state = state._replace(curve_goes=(-p, -q))
-    place, ends = here.ask.place(word), _targets(controls[-1], here)
+    place, ends = here.ask.place(word), motion_words.to_place(here.machine, controls[-1][:2])
     relative = not state.absolute
     return JointCurve(place, state.modal, order, controls, ends, relative, feed, time), state
-
-
-def _targets(last: Control, here: Here) -> Targets:
-    found: list[float | None] = [None] * len(here.machine.axes)
-    x, y, _ = here.machine.linear()
-    found[x], found[y] = last.x, last.y
-    return tuple(found)
 
 
 def _check(here: Here, motion: str, word: Word) -> None:

@@ -1,14 +1,29 @@
-"""G51 and G52: the paper's cone and ruled surface, word for word.
+"""G51, G52 and G6.2: the paper's cone and ruled surface, word for word, and the one between two NURBS curves.
 
-Both names mean something else on other controls (scaling, local shift), so a set of
+G51 and G52 mean something else on other controls (scaling, local shift), so a set of
 words that is not exactly the paper's is refused with a sentence that says so. Seven lines of
 X Y Z after a G52 could be moves under a modal G1 as well. So F beside it makes it a surface. Without F
 the next line says what it is: bare coordinates are points where no G0 to G3 is active, or a surface came
 before, which programs for other controls have none of, and are refused elsewhere; anything else makes
 it a shift. Under the fanuc dialect a G52 without F always is one.
 
-Their words follow the paper: without a decimal point they count in BLU (0.01 mm,
-0.001 degree), with one in the active unit.
+G6.2 has the words of other controls' G06.2:
+
+    G6.2 P4 Q3 F1000.          P: order of the upper curve, Q: of the lower (degree + 1)
+    K0. X0. Y0. Z10. R1.       the upper curve: a line for each control point with one
+    K0. X5. Y2. Z10.           knot K, the point X Y Z and its weight R (1 if left out)
+    ...
+    K9.                        and the rest of its knots: as many lines of K alone as
+    K9.                        its order
+    ...
+    K0. X0. Y0. Z0.            then the lower curve alike
+    ...
+
+So the knots of n points of order k are the n + k numbers K from top to bottom. The surface joins points of
+equal share of the two knot ranges.
+
+X Y Z are absolute. Words follow the paper: without a decimal point they count in BLU (0.01 mm,
+0.001 degree), with one in the active unit; K and R of G6.2 are plain numbers.
 """
 
 from __future__ import annotations
@@ -16,15 +31,17 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 
+from controller.geometry.splines import ORDERS, BadSpline, BSpline
 from controller.geometry.vectors import Frame, Vector, norm, subtract
 from controller.machine.model import Machine
-from controller.messages import Message, message
+from controller.messages import Key, Message, message
 from controller.program.codes import CONE_WORDS, ParsedLine
 from controller.program.line import Upcoming
 from controller.program.modal import BLU_PER_MM, State, tool_list
 from controller.program.origins import NONE
-from controller.program.program import CutCone, CutRuled, ProgramError, Remark
+from controller.program.program import CutCone, CutNurbs, CutRuled, ProgramError, Remark
 from controller.program.words import Line, Word
 
 BLU_PER_DEGREE = 1000.0
@@ -217,3 +234,115 @@ def is_upside_down(upper: Sequence[Vector], lower: Sequence[Vector], part: Frame
     """Whether the tool would point up out of the table all along: the two curves are exchanged."""
     rulings = [subtract(a, b) for a, b in zip(upper, lower, strict=True)]
     return all(part.turn(ruling)[2] < UPSIDE_DOWN * norm(ruling) for ruling in rulings)
+
+
+MAX_POINTS = 5000
+SEEN_AT = 32  # rulings that are looked at to see which curve is above
+NUMBERED = {"P": Key("surface.upper"), "Q": Key("surface.lower")}
+
+
+def nurbs_refusal(line: Line, word: Word, found: Message) -> ProgramError:
+    """The refusal of anything that is not exactly one surface of G6.2."""
+    return line.refusal(word, "surface.not_nurbs", found=found)
+
+
+def nurbs(ask: ParsedLine, state: State, machine: Machine, lines: Iterator[Line]) -> CutNurbs:
+    """The surface of a line with G6.2; takes its points and knots from ``lines`` (mm)."""
+    word = ask.codes["motion"][1]
+    for other in ask.line.words:
+        if other is not word and other.letter not in "PQF":
+            raise nurbs_refusal(ask.line, other, message("surface.found", found=other.text))
+    if lacking := missing(ask.words, "PQ"):
+        raise nurbs_refusal(ask.line, word, message("surface.missing", letters=lacking))
+    orders = [_order(ask, ask.words[letter]) for letter in "PQ"]
+    feed = feed_of(ask, "G6.2", word, state, machine)
+    upper, lower = (
+        _Reader(ask, name, order, state, lines).curve()
+        for name, order in zip(NUMBERED.values(), orders, strict=True)
+    )
+    above, below = ([curve.at(k / SEEN_AT) for k in range(SEEN_AT + 1)] for curve in (upper, lower))
+    if is_upside_down(above, below, state.modal.frame(machine)):
+        raise ask.refusal(word, "surface.nurbs_upside_down")
+    return CutNurbs(ask.place(word), state.modal, upper, lower, feed)
+
+
+def _order(ask: ParsedLine, word: Word) -> int:
+    order = ask.whole(word)
+    if order not in ORDERS:
+        curve = NUMBERED[word.letter]
+        raise ask.refusal(word, "surface.order", curve=curve, least=ORDERS[0], most=ORDERS[-1])
+    return order
+
+
+@dataclass(slots=True)
+class _Reader:
+    """One curve being read, with the line and word of everything it is made of."""
+
+    ask: ParsedLine
+    name: Key  # upper, lower
+    order: int
+    state: State
+    lines: Iterator[Line]
+    points: list[Vector] = field(default_factory=list)
+    weights: list[tuple[float, Line, Word]] = field(default_factory=list)
+    knots: list[tuple[float, Line, Word]] = field(default_factory=list)
+
+    def curve(self) -> BSpline:
+        while self._point():
+            pass
+        for count in range(2, self.order + 1):
+            self._knot_alone(count)
+        try:
+            return BSpline.of(
+                self.order, [k for k, _, _ in self.knots], self.points, [w for w, _, _ in self.weights]
+            )
+        except BadSpline as bad:
+            rows = self.weights if bad.what == "weights" else self.knots
+            _, line, word = rows[len(self.points) if bad.what == "points" else bad.index]
+            number = self.ask.line.number
+            raise line.refusal(
+                word, "surface.no_spline", curve=self.name, number=number, bad=bad.said
+            ) from None
+
+    def _point(self) -> bool:
+        """Take a line of a control point; False where its K stands alone, the first knot of the rest."""
+        due = message("surface.control_point", number=len(self.points) + 1, curve=self.name)
+        line, given = self._line("KXYZR", due)
+        if given.keys() == {"K"}:
+            if not self.points:
+                raise nurbs_refusal(
+                    line, given["K"], message("surface.alone_for", found=given["K"].text, due=due)
+                )
+            return False
+        if lacking := missing(given, "XYZ"):
+            raise nurbs_refusal(line, line.words[0], message("surface.missing_in", letters=lacking, due=due))
+        if len(self.points) == MAX_POINTS:
+            raise line.refusal(line.words[0], "surface.too_many", curve=self.name, most=MAX_POINTS)
+        weight = given.get("R", given["K"])
+        self.points.append(point_of(given, "XYZ", self.state))
+        self.weights.append((weight.value if "R" in given else 1.0, line, weight))
+        return True
+
+    def _knot_alone(self, count: int) -> None:
+        due = message("surface.knot", count=count, order=self.order, curve=self.name)
+        line, given = self._line("K", due)
+        if given.keys() != {"K"}:
+            raise nurbs_refusal(line, line.words[0], message("surface.missing_in", letters="K", due=due))
+
+    def _line(self, letters: str, due: Message) -> tuple[Line, dict[str, Word]]:
+        """The next line, with none but these letters and a K."""
+        line = next(self.lines, None)
+        of = message("surface.of_nurbs", due=due, line=self.ask.line.number)
+        if line is None:
+            raise nurbs_refusal(
+                self.ask.line, self.ask.codes["motion"][1], message("surface.ends_for", due=due)
+            )
+        given: dict[str, Word] = {}
+        for found in line.words:
+            if found.letter not in letters or found.letter in given:
+                raise nurbs_refusal(line, found, message("surface.found_for", found=found.text, due=of))
+            given[found.letter] = found
+        if "K" not in given:
+            raise nurbs_refusal(line, line.words[0], message("surface.missing_in", letters="K", due=of))
+        self.knots.append((given["K"].value, line, given["K"]))
+        return line, given

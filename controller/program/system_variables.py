@@ -29,7 +29,7 @@ from controller.geometry.vectors import Vector
 from controller.machine.changes import Change
 from controller.machine.model import MAX_WEAR_MM, OFFSETS, Machine, Offset, Tool
 from controller.messages import Message, message
-from controller.program import kept
+from controller.program import carried
 from controller.program.given import LETTERS, Given
 from controller.program.modal import State
 from controller.program.offset_words import with_radius
@@ -52,6 +52,7 @@ _AT_RUN = (  # what is known only in the run, or not kept: M, N and O of the lin
         for clocks in (range(3001, 3003), range(3011, 3013), range(3020, 3030))
     ),
     (range(4113, 4116), "value.system_lines"),
+    (range(5101, 5106), "value.system_following"),
 )
 _MODAL_STARTS = (4001, 4201, 4401)
 _WORD_STARTS = (4101, 4301, 4501)
@@ -261,7 +262,7 @@ class SystemVariables:
         self._take(state)
 
     def _take(self, state: State) -> None:
-        self.changes += kept.between(self._given.state, state)
+        self.changes += carried.changes_between(self._given.state, state)
         self._given.state = state
 
 

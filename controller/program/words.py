@@ -13,13 +13,12 @@ from collections.abc import Callable, Iterator, Mapping
 
 from controller.messages import message
 from controller.program import foreign, linked, macros, marks, own_codes
-from controller.program.comments import LONGEST, aborted, ended, message_text, without_comments
-from controller.program.decoding import Text
 from controller.program.expressions import ARITHMETIC, GAPS, NOTHING, Values
 from controller.program.flow import Limits, Run, Source
 from controller.program.line import COMMON, MAX_RUN, SIMPLE, CommonRun, Line, Other, Rows, Word, simple
-from controller.program.parameters import ALARM, SAYS_DEBUG, STOP, Name, NoValue, Parameters, System
+from controller.program.parameters import ALARM, SAYS_DEBUG, STOP, Name, NoValue, Parameters, System, written
 from controller.program.program import Block, Callers, ProgramError
+from controller.program.source_text import LONGEST, Text, aborted, ended, message_text, without_comments
 
 __all__ = ["LARGEST", "Line", "Word", "read"]
 
@@ -185,9 +184,9 @@ class _Scan:
         """The line with what its comments say."""
         if "," in raw and "(" in raw:
 
-            def value(written: str) -> float:
-                values = Values(written.lower(), line.name, line.number, self.parameters)
-                return values.value(0, written)[0]
+            def value(name: str) -> float:
+                values = Values(name.lower(), line.name, line.number, self.parameters)
+                return values.value(0, name)[0]
 
             if ends := aborted(raw, value):
                 raise ProgramError(line.name, line.number, ends[0], ended(ends[1]))
@@ -284,16 +283,16 @@ class _Words(Values):
         """``#n = value``; as Fanuc has it also ``#n = #m + 1``, without brackets; None of ``#n = #0``."""
         start = self._at
         key = self.key()
-        written = f"#<{key}>" if isinstance(key, str) else f"#{key}"
+        name = written(key)
         try:
             self._parameters.check_settable(key)
         except NoValue as why:
             raise self.refusal(start, why.key, **why.values) from None
         if not self.take("="):
-            raise self.refusal(start, "value.alone", written=written)
+            raise self.refusal(start, "value.alone", written=name)
         if key == NOTHING:
             raise self.refusal(start, "value.nothing")
-        value = self.value(start, f"{written}=")[0]
+        value = self.value(start, f"{name}=")[0]
         value = self.joined(value, ARITHMETIC) if self._parameters.of_fanuc else value
         if self.is_vacant and self._parameters.may_be_vacant(key):
             return key, None

@@ -44,7 +44,7 @@ from controller.program.carried import InForce
 from controller.program.modal import State
 from controller.program.position import homed
 from controller.program.program import Act, Block, CutBlock, GougeRefused, Place, ProgramError
-from controller.program.surface_codes import may_cut
+from controller.program.source_text import may_cut
 from controller.verify import wording
 from controller.verify.audit import Audit, FormRefused, Watched, audit
 from controller.workers import Spread, here

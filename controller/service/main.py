@@ -18,6 +18,7 @@ from controller.runtime.startup import SessionError
 from controller.service import engine, pendant, sequences, whole_status
 from controller.service.command_handlers import CommandHandlers
 from controller.service.folders import Folders
+from controller.service.requests import Requests
 from controller.service.service import Service
 from controller.service.socket_server import Server
 from controller.service.watch import POLL_S
@@ -103,13 +104,15 @@ def _opened(
     try:
         service.engine.start_hubs(part, stamped)
         handlers = CommandHandlers(service)
-        with_door = Server(control_socket.control_path(runtime), handlers, group)
+        requests = Requests(service.store)
+        with_door = Server(control_socket.control_path(runtime), handlers, group, requests.noted)
         try:
             control_socket.note_runtime(kept.state, runtime)
             sequences.power_up(service)
             yield service
         finally:
             with_door.close()
+            requests.close()
             handlers.close()
     finally:
         service.close()

@@ -59,6 +59,10 @@ def drives(
             del row["temperature_c"]
         else:
             row["temperature_c"] = _temperature(axis.temperature, axis.node, log)
+        if axis.load_encoder is None:
+            del row["load_off"]
+        else:
+            row["load_off"] = now.load_off[i] * axis.shown_per_unit
         found.append(row)
     return found
 
@@ -108,6 +112,7 @@ def _drive(
         missed_setpoints=None if now.missed[i] < 0 else now.missed[i],
         overdue_setpoints=now.overdue[i],
         temperature_c=None,
+        load_off=None,
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from typing import Any
 
@@ -11,8 +11,19 @@ from controller.commands.table import Request
 from controller.ipc.control_socket import CommandRefused, Values
 from controller.ipc.handoff import Snapshot
 from controller.program import blocks
-from controller.program.effects import moves
-from controller.program.program import ProgramError
+from controller.program.program import (
+    UNSAID,
+    Act,
+    Action,
+    Await,
+    Block,
+    Dwell,
+    OperatorMessage,
+    ProgramError,
+    Remark,
+    Select,
+    Setting,
+)
 from controller.service import alarms, job_status, jobs
 from controller.service.acknowledged import refusal
 from controller.service.jobs import Job
@@ -161,3 +172,29 @@ NEEDS: dict[str, Need] = {
     "adaptive": _has_adaptive,
     "tool_in_table": _tool_in_table,
 }
+
+
+# They stop, end, or turn coolant on or off.
+QUIET_ACTS = frozenset({Act.STOP, Act.OPTIONAL_STOP, Act.END, Act.COOLANT, Act.INPUT})
+
+
+def moves(blocks: Iterable[Block], prepares: bool = False) -> bool:
+    """Whether an axis moves, the spindle turns, a tool is changed or an output switched.
+
+    ``prepares``: T alone makes the tool changer bring a pocket.
+    """
+    return any(_moves(block, prepares) for block in blocks)
+
+
+def _moves(block: Block, prepares: bool) -> bool:
+    match block:
+        case Action(act=Act.SPINDLE):
+            return block.modal.spindle_rev_min != 0.0
+        case Action():
+            return block.act not in QUIET_ACTS
+        case Await():
+            return block.outputs != UNSAID
+        case Select():
+            return prepares
+        case _:
+            return not isinstance(block, Dwell | OperatorMessage | Remark | Setting)

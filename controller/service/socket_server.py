@@ -14,14 +14,15 @@ import selectors
 import shutil
 import socket
 import stat
-import struct
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
 from controller import own_files
+from controller.ipc.asker import ROLES, Asker, name_of, of_request, of_socket
 from controller.ipc.control_socket import (
     BUFFER_BYTES,
     MAX_ANSWER,
@@ -39,8 +40,11 @@ from controller.messages import message
 from controller.service.refusals import refused
 
 Handler = Callable[[str, Values], Answer]
+Noted = Callable[[str, Values, Asker, str], AbstractContextManager[None]]  # around one; last the peer's name
 
-_CREDENTIALS = struct.Struct("3i")  # pid, uid, gid
+
+def _not_noted(verb: str, args: Values, asker: Asker, peer: str) -> AbstractContextManager[None]:
+    return contextlib.nullcontext()
 
 
 class _Peer:
@@ -49,7 +53,7 @@ class _Peer:
     def __init__(self, own: socket.socket) -> None:
         own.setblocking(False)
         own.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, BUFFER_BYTES)
-        self.socket = own
+        self.socket, self.uid = own, of_socket(own)[0]
         self._lock = threading.Lock()
 
     def answer(self, number: int | str | None, outcome: Values | BaseException) -> None:
@@ -69,9 +73,11 @@ class Server:
     A handler answers at once, or gives a Future; it raises CommandRefused where a request is not done.
     """
 
-    def __init__(self, path: Path, handler: Handler, group: str = "") -> None:
-        """``group``: whose members are let in besides the user; "" = the process' own. Raises OSError."""
-        self._path, self._handler = path, handler
+    def __init__(self, path: Path, handler: Handler, group: str = "", noted: Noted = _not_noted) -> None:
+        """``group``: whose members are let in besides the user; "" = the process' own. ``noted`` is around
+        each request, and may refuse it. Raises OSError.
+        """
+        self._path, self._handler, self._noted = path, handler, noted
         self._listening = _listening(path, group)
         self._gid = os.stat(path).st_gid
         self._peers: dict[int, _Peer] = {}
@@ -143,7 +149,9 @@ class Server:
         said = unpacked(packet) if len(packet) <= MAX_BYTES else None
         number = _number(said)
         try:
-            answer = self._handler(*_verb_and_args(said))
+            verb, args = _verb_and_args(said)
+            with self._noted(verb, args, _asker(said, peer.uid), name_of(peer.uid)):
+                answer = self._handler(verb, args)
         except Exception as error:  # one request's own mistake must not close the door for all
             peer.answer(number, error)
             return
@@ -183,6 +191,14 @@ def _verb_and_args(said: Values | None) -> tuple[str, Values]:
     return verb, args
 
 
+def _asker(said: Values | None, uid: int) -> Asker:
+    """Raises CommandRefused."""
+    try:
+        return of_request(said or {}, uid)
+    except ValueError:
+        raise refused("no_asker", code="bad", allowed=", ".join(ROLES)) from None
+
+
 def _listening(path: Path, group: str) -> socket.socket:
     """The socket, readable for user and group alone; one that was left behind is replaced."""
     path.parent.mkdir(parents=True, exist_ok=True, mode=0o750)
@@ -206,9 +222,7 @@ def _listening(path: Path, group: str) -> socket.socket:
 
 def _let_in(own: socket.socket, gid: int) -> bool:
     """Whether the kernel's word on the peer is one that we know."""
-    _, peer_uid, peer_gid = _CREDENTIALS.unpack(
-        own.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)
-    )
+    peer_uid, peer_gid = of_socket(own)
     return peer_uid in (0, os.geteuid()) or gid in set(_groups(peer_uid, peer_gid))
 
 

@@ -23,8 +23,8 @@ from controller.ipc.handoff import Snapshot
 from controller.machine.model import Changer, Io
 from controller.messages import Message, message, several
 from controller.motion.pieces import FIRST_MARK
+from controller.program.output_words import steps_of
 from controller.program.program import Changing
-from controller.program.tool_change_words import steps_of
 from controller.service.tool_preparation import Preparation, Tick
 from controller.state.modes import Fault, Mode, Request, bars
 from controller.store.tool_store import AWAY, SPINDLE, Step, ToolStore

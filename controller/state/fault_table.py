@@ -55,6 +55,8 @@ _ROWS = (
     _row(Fault.TORQUE_OFF, True, Reaction.LOST_DRIVE, Recovery.RESET, syncs=3),
     # Three SYNCs until a position answers a setpoint, and some in a row that are beyond the window.
     _row(Fault.FOLLOWING_ERROR, False, Reaction.LOST_DRIVE, Recovery.HOME, syncs=7),
+    # One more until it is told, and some in a row that are beyond what is allowed.
+    _row(Fault.LOAD_OFF, False, Reaction.LOST_DRIVE, Recovery.HOME, syncs=7),
     _row(Fault.SETPOINTS_LOST, True, Reaction.LOST_DRIVE, Recovery.RESET, syncs=3, wait=Wait.CONSUMER),
     _row(Fault.LIMIT_SWITCH, False, Reaction.LOST_DRIVE, Recovery.HOME, syncs=3),
     _row(Fault.EMCY, False, Reaction.LOST_DRIVE, Recovery.HOME, syncs=3),

@@ -164,6 +164,13 @@ class Snapshot(NamedTuple):
         status="adaptive.share",
         signal="adaptive_share % 100",
     )
+    load_off: tuple[float, ...] = _value(
+        "status",
+        "by which the encoder at the load is ahead of the motor's since homing, 0 without one",
+        "mm, rad",
+        "load_off",
+        many=EACH_AXIS,
+    )
     # From here on no recording has them.
     fault_axis: int = _value("modes", "index of its axis, -1 = none")
     fault_off: float = _value("status", "of a following error: commanded less actual of its axis", "mm, rad")
@@ -294,6 +301,9 @@ class DriveRow(NamedTuple):
     missed_setpoints: Annotated[int | None, "that it did not take with their SYNC; null: it does not tell"]
     overdue_setpoints: Annotated[int, "times that it has missed them for too long (emergency 8250h)"]
     temperature_c: Annotated[float | None, "only of drives that tell it; as told last"]
+    load_off: Annotated[
+        float | None, "of axes with load_encoder: that less the motor's since homing, mm, deg"
+    ]
 
 
 class Shown(NamedTuple):

@@ -26,6 +26,7 @@ import numpy as np
 import numpy.typing as npt
 
 from controller import npz, sealed_file
+from controller.machine.kinematics.slides import Slides
 from controller.machine.model import Machine
 from controller.messages import Message, message, of_error
 from controller.state import record_files
@@ -260,6 +261,12 @@ MISSING = -(1 << 31)  # instead of counts
 def process_values(counts: Counts) -> Values:
     """(N, 2) feed (mm/s) and load of the spindle (share), NaN where that is not told."""
     return np.where(counts == MISSING, np.nan, counts / PROCESS_PER_UNIT)
+
+
+def commanded(counts: Values, machine: Machine) -> Values:
+    """(N, axes) mm and rad that setpoints of counts are meant for; what tables add to them is left in."""
+    sent = [column / axis.counts_per_unit for column, axis in zip(counts.T, machine.axes, strict=True)]
+    return np.stack(Slides(machine.axes).real(sent), axis=1)
 
 
 def counts_per_unit(machine: Machine) -> Values:

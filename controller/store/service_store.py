@@ -72,7 +72,16 @@ CREATE TABLE log (
     tool_out INTEGER NOT NULL, tool_in INTEGER NOT NULL, step INTEGER NOT NULL, name TEXT NOT NULL
 ) STRICT
 """
-MIGRATIONS: tuple[str, ...] = (_FIRST, _TOOLS)
+_REQUESTS = """
+CREATE TABLE requests (
+    id INTEGER PRIMARY KEY AUTOINCREMENT, time_s REAL NOT NULL,
+    user TEXT NOT NULL, role TEXT NOT NULL, address TEXT NOT NULL,   -- as the panel names them
+    peer TEXT NOT NULL,                 -- the user at the socket, by the kernel
+    verb TEXT NOT NULL, args TEXT NOT NULL,
+    refused TEXT NOT NULL               -- code of the refusal
+) STRICT
+"""
+MIGRATIONS: tuple[str, ...] = (_FIRST, _TOOLS, _REQUESTS)
 
 _NOT_KNOWN = "DELETE FROM known"  # somebody must look where the tools are
 

@@ -38,7 +38,7 @@ from controller.tick.check import Check
 from controller.tick.coupling import Recorded
 from controller.tick.drives import Drives
 from controller.tick.follow import Step
-from controller.tick.lookahead import STANDING, Conditions
+from controller.tick.lookahead import STANDING, Conditions, Row
 from controller.tick.mode import Phase
 from controller.tick.parts import Parts
 from controller.tick.status_publisher import StatusPublisher
@@ -98,6 +98,7 @@ class Cycle:
         self.modes, self.follow, self.jogging = parts.modes, parts.follow, parts.jogging
         self.coupling, self.peripherals, self.adaptive = parts.coupling, parts.peripherals, parts.adaptive
         self.sync, self.probing, self.answers = parts.sync, parts.probing, parts.answers
+        self.limit_switches = parts.limit_switches
         self._encoder, self._check, self.stock = parts.encoder, parts.check, parts.stock
         self._replaced_s = math.inf  # plan time from which on the queue was replaced in this tick
         self._assumed = STANDING  # by what the last tick has published
@@ -310,7 +311,8 @@ class Cycle:
             follow.heed(assumed.optional_stop, assumed.single_block)
             goes = goes and not assumed.by_hand
             feed, rapid = float(assumed.feed), float(assumed.rapid)
-            self._along_path(goes and follow.goes(assumed.running, feed, rapid))
+            go = goes and follow.goes(assumed.running, feed, rapid)
+            self._along_path(go, self._foreseen_row(assumed) if goes else None)
             self._look_ahead()
         coupling.committed = 0
         if period > self._recorded:
@@ -339,19 +341,30 @@ class Cycle:
 
     def _look_ahead(self) -> Conditions:
         """What the next ticks will send, if what is returned does not change."""
-        stock, modes, follow = self.stock, self.modes, self.follow
+        stock = self.stock
         assert stock is not None
-        if not modes.on_path:
+        if not self.modes.on_path:
             stock.moved_otherwise()
             return STANDING
         if self.jogging.active:
             stock.moved_by_hand(self.jogging, bool(self._played))
             return Conditions(jog_speed=self.jogging.speed, by_hand=True)
-        going, stops = modes.running and not self._waits, modes.single_block or modes.phase is _ENDING
-        feed, rapid = modes.override > 0.0, modes.rapid_override > 0.0
-        found = Conditions(going and not self._arrived, feed, rapid, follow.optional_stop, stops)
+        found = self._conditions()
         stock.moved(found, self._replaced_s)
         return found
+
+    def _conditions(self) -> Conditions:
+        modes, follow = self.modes, self.follow
+        going = modes.running and not self._waits and not self._arrived
+        feed, rapid = modes.override > 0.0, modes.rapid_override > 0.0
+        stops = modes.single_block or modes.phase is _ENDING
+        return Conditions(going, feed, rapid, follow.optional_stop, stops)
+
+    def _foreseen_row(self, conditions: Conditions) -> Row | None:
+        """What the next step was foreseen to come to, if nothing has changed."""
+        if self.stock is None or self._arrived:
+            return None
+        return self.stock.foreseen(conditions, self._replaced_s)
 
     def repeat(self, now_s: float) -> None:
         """A tick in which nothing happens (``idle``): what the last one has said and left, again."""
@@ -551,6 +564,9 @@ class Cycle:
             own = self.follow.own_feed  # M49 takes all overrides
             share = 1.0 if own else self.modes.spindle_override
             self.peripherals.watch(now_s, self.modes, self._encoder.actual, standing, ticks, share)
+        if self.limit_switches.present and self.again is None:
+            inputs, new, last = self.peripherals.inputs, self.follow.joints, self.follow.last
+            self.limit_switches.watch(inputs, self.modes, new, last, self._encoder.actual, ticks)
         if self.adaptive.present:
             self._adapt(ticks)
         if self.probing.present:
@@ -592,23 +608,22 @@ class Cycle:
         self._waits = running and self._must_wait()
         self.coupling.again = None if self.again is None else self.again.thread
         running = running and not self._waits
-        self._along_path(follow.goes(running, modes.override, modes.rapid_override))
+        go = follow.goes(running, modes.override, modes.rapid_override)
+        self._along_path(go, self._foreseen_row(self._conditions()))
 
-    def _along_path(self, go: bool) -> None:
-        """One step of the path, and what comes of it."""
+    def _along_path(self, go: bool, foreseen: Row | None) -> None:
+        """One step of the path, and what comes of it; one that is ``foreseen`` was judged then."""
         modes, follow = self.modes, self.follow
-        stock = self.stock
-        foreseen = None if stock is None else stock.foreseen
         step = follow.step(go, foreseen)
         self._arrived = step is _STOP or step is _END or step is _SET
         piece = follow.piece
         if piece is not None and not piece.sets and modes.mode in FOLLOWING:
             self.peripherals.switch(piece.outputs)
         fault, axis = _NONE, -1
-        if stock is None or foreseen is None or step is _LOST or not stock.has_judged(foreseen, follow):
-            fault, axis = self._judge(step, self._check)
-        else:
+        if foreseen is not None and foreseen.joints is follow.joints and self._encoder.plain:
             self._encoder.take(foreseen.joints, foreseen.counts)
+        else:
+            fault, axis = self._judge(step, self._check)
         self.peripherals.lead_spindle()
         if fault is not _NONE:
             self._refuse(fault, axis, step)

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 
 from controller.machine import compensation
 from controller.machine.compensation import Deviation
+from controller.machine.kinematics.slides import Slides
 from controller.machine.model import Joints, Machine
 
 STILL_COUNTS = 2.0  # back from the farthest place: no reversal yet
@@ -72,8 +73,10 @@ class Deviations:
         rows = ((i, compensation.deviation(axis)) for i, axis in enumerate(machine.axes))
         self._axes = tuple(AxisDeviation(machine, i, table) for i, table in rows if table is not None)
         self._crossings = compensation.crossings(machine)
-        self._shift = tuple(zip(machine.linear(), machine.thermal_shift_mm, strict=True))
-        self.found = bool(self._axes or self._crossings or any(machine.thermal_shift_mm))
+        self._slides = Slides(machine.axes)
+        shift_mm = self._slides.shares(machine.thermal_shift_mm)
+        self._shift = tuple(zip(machine.linear(), shift_mm, strict=True))
+        self.found = bool(self._axes or self._crossings or any(shift_mm) or not self._slides.are_square)
         ticks = {axis.index: axis.reversal_ticks for axis in self._axes}
         self.reversal_ticks = tuple(ticks.get(i, 0) for i in range(len(machine.axes)))
 
@@ -84,15 +87,16 @@ class Deviations:
 
     def compensated(self, joints: Joints) -> Sequence[float]:
         """The joints to command, once per tick, so that the axes come to be at ``joints``."""
-        told = list(joints)
+        slides = self._slides.sent(joints)
+        drives = list(slides)
         for axis in self._axes:
             i = axis.index
-            told[i] = axis.step(joints[i])
+            drives[i] = axis.step(slides[i])
         for along, moves, off in self._crossings:
-            told[moves] -= off.at(joints[along])
+            drives[moves] -= off.at(slides[along])
         for i, by in self._shift:
-            told[i] -= by
-        return told
+            drives[i] -= by
+        return drives
 
     def real(self, positions: Sequence[float]) -> Sequence[float]:
         """Where the axes are where the drives say ``positions``: to a share of a count."""
@@ -105,4 +109,4 @@ class Deviations:
         for axis in self._axes:
             i = axis.index
             real[i] = axis.real(real[i])
-        return real
+        return self._slides.real(real)

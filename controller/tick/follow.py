@@ -14,7 +14,6 @@ Where no stop begins, the plan is followed: to the next one, or to the queue's e
 
 from __future__ import annotations
 
-import math
 from collections import deque
 from collections.abc import Sequence
 from enum import IntEnum
@@ -47,7 +46,6 @@ class Step(IntEnum):
 
 
 _TAKEN: Final = QueueRefusal.NONE
-NOWHERE: Final = (-1, math.nan)  # motion and place that no joints are of
 _UNKNOWN_MOTION: Final = QueueRefusal.UNKNOWN_MOTION
 _MOVED: Final = Step.MOVED  # looked up every tick, and an enum's members are slow to look up
 
@@ -67,12 +65,12 @@ State = tuple[
 
 
 class Foreseen(Protocol):
-    """The joints of the next step, if they are asked for ``of`` the same motion and place."""
+    """What another follower, that has come to the same state, has found for the next step."""
 
     @property
     def joints(self) -> Joints: ...
     @property
-    def of(self) -> tuple[int, float]: ...
+    def place(self) -> tuple[float, float, float]: ...
 
 
 class Follow:
@@ -110,7 +108,6 @@ class Follow:
         self.refusal = _TAKEN  # of the last message
         self.optional_stop = self.single_block = False  # the operator's switches: which marks count
         self._foreseen: Foreseen | None = None  # of the step that is under way
-        self._of = NOWHERE  # motion and place for which that step has asked for joints
         self._undo: deque[State] = deque(maxlen=STEPS_BACK)  # the last steps
 
     # -- state
@@ -288,10 +285,8 @@ class Follow:
 
     def _joints_at(self, entry: Entry, motion: Motion, s: float) -> Joints | None:
         """On the branch of the present joints; None where the rotaries cannot reach the next tool axis."""
-        self._of = of = entry.piece.motion_id, s
-        foreseen = None if self.coupling.active else self._foreseen  # on a thread its place is the law's
-        if foreseen is not None and foreseen.of == of:
-            return foreseen.joints
+        if self._foreseen is not None and not self.coupling.active:  # on a thread its place is the law's
+            return self._foreseen.joints
         return motion.joints(s, self._rotaries(self.joints), self._kinematics)
 
     def _along(self, entry: Entry, place: tuple[float, float, float]) -> float:
@@ -341,7 +336,7 @@ class Follow:
 
         ``foreseen``: what another follower has found for it, which is then not computed again.
         """
-        self._foreseen, self._of = foreseen, NOWHERE
+        self._foreseen = foreseen
         if self._brake.active and self._brake.over:
             self._settle()
         self._remember()
@@ -441,6 +436,12 @@ class Follow:
         clock, entry = self._clock, self._queue[self._now]
         tau, end_s, motion = clock.tau + clock.period_s, entry.end_s - ROUNDING, entry.motion
         if tau < end_s and motion is not None:  # it ends in the entry where it began
+            foreseen = self._foreseen
+            if foreseen is not None and entry.thread is None and not self.coupling.active:
+                self._take(foreseen.joints, 1.0)
+                clock.advance(tau)
+                self._describe_as(entry, foreseen.place)
+                return _MOVED
             joints = self._joints_at(entry, motion, self._along(entry, entry.at(tau)))
         else:
             tau = self._reached(tau)
@@ -519,10 +520,13 @@ class Follow:
 
     def _describe(self) -> None:
         entry, tau = self._queue[self._now], self._clock.tau
-        self.piece = entry.piece
-        self.s, speed, _ = entry.at(tau)
-        self.feed = speed if tau < entry.end_s - ROUNDING else 0.0
-        self.line, self.limited_by = entry.line_at(self.s), entry.binding_at(tau)
+        self._describe_as(entry, entry.at(tau))
+        if tau >= entry.end_s - ROUNDING:
+            self.feed = 0.0
+
+    def _describe_as(self, entry: Entry, place: tuple[float, float, float]) -> None:
+        self.piece, (self.s, self.feed, _) = entry.piece, place
+        self.line, self.limited_by = entry.line_at(self.s), entry.binding_at(self._clock.tau)
 
     # -- along a stop
 

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from functools import cache
 from typing import Any, Final
 
+from controller.machine.kinematics.slides import Slides
 from controller.machine.model import Joints, Machine
 from controller.tick.deviations import Deviations
 from drives.pdo import INT32_MAX
@@ -19,7 +20,7 @@ class Encoder:
     def __init__(self, machine: Machine) -> None:
         self._counts_per_unit = tuple(axis.counts_per_unit for axis in machine.axes)
         self._units_per_count = tuple(1.0 / axis.counts_per_unit for axis in machine.axes)
-        deviations = Deviations(machine)
+        self._slides, deviations = Slides(machine.axes), Deviations(machine)
         self._deviations = deviations if deviations.found else None
         self.plain = not deviations.found  # setpoints depend on joints alone
         self.reversal_ticks = deviations.reversal_ticks  # that it takes on each axis; 0: it has none
@@ -54,7 +55,7 @@ class Encoder:
 
     def per_mm(self, direction: Sequence[float]) -> Sequence[float]:
         """Counts of each axis for a mm along a direction of X, Y and Z."""
-        linear = dict(zip(self._linear, direction, strict=True))
+        linear = dict(zip(self._linear, self._slides.shares(direction), strict=True))
         return [linear.get(i, 0.0) * counts for i, counts in enumerate(self._counts_per_unit)]
 
     def go_on_as(self, other: Encoder) -> None:
@@ -67,7 +68,7 @@ class Encoder:
         products = self._products(joints, self._counts_per_unit)
         self._rounded(products, products)
 
-    def to_units(self, i: int, counts: int) -> float:
+    def to_units(self, i: int, counts: float) -> float:
         """Counts of one axis in mm or rad."""
         return counts * self._units_per_count[i]
 

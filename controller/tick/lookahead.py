@@ -23,15 +23,17 @@ from controller.motion.motions import ThreadMove
 from controller.state.modes import Fault
 from controller.tick.check import Check
 from controller.tick.coupling import Law
-from controller.tick.follow import NOWHERE, Follow, Foreseen, Step
+from controller.tick.follow import Follow, Foreseen, Step
 from controller.tick.jog import Jogging
 from controller.tick.joints import INT32, Encoder
 from controller.tick.law_alone import LawAlone
+from controller.tick.queue import Entry
 from drives.pump.lead import Correction, Lead
 from drives.pump.plan_memory import Stop
 
 EXTRA: Final = 8  # periods of a jog that are looked ahead beyond the stock, so that it need not be each tick
 MAX_ROWS: Final = 1200  # of the path ahead
+SPARE: Final = 3  # rows beyond those that a stop needs
 _NONE: Final = Fault.NONE
 _LOST: Final = Step.LOST
 _NEVER: Final = -2  # row: before the one that is here
@@ -44,18 +46,18 @@ class Row(NamedTuple):
     counts: tuple[float, ...]
     s: float  # along the path, from wherever it began to be counted
     motion: int  # the motion it is on, ...
-    place: float  # ... how far along it ...
+    place: tuple[float, float, float]  # ... how far along it, with speed and acceleration ...
     end: float  # ... and its length
     tau: float
     now: int  # number in the queue
     stop: Stop | None  # what is left of one that is under way
     rests: bool  # at rest, and nothing goes on by itself
+    ends: bool  # likewise, or the plan itself stands there: it can simply end with this row
     over: bool = False  # a stop is
     law: Law | None = None  # of a thread; without ``by`` joints and counts are at its own place
     by: Correction | None = None  # what leads beside it ...
     rev_s: float = 0.0  # ... the spindle, and ...
     ahead_mm: float = 0.0  # ... the axes, since their drives lag
-    of: tuple[int, float] = NOWHERE  # motion and place of the joints; by rounding it is not ``place``
 
     def columns(self, thread: bool) -> tuple[float, ...]:
         """As a plan has them."""
@@ -111,10 +113,8 @@ class Ghost(Follow):
     def _passes(self, i: int) -> bool:
         return not self._queue[i].leaves_thread
 
-    def _describe(self) -> None:
-        entry = self._queue[self._now]
-        self.piece = entry.piece
-        self.s, _, _ = entry.at(self._clock.tau)
+    def _describe_as(self, entry: Entry, place: tuple[float, float, float]) -> None:
+        self.piece, (self.s, _, _) = entry.piece, place
 
     @property
     def is_in_queue(self) -> bool:
@@ -130,21 +130,21 @@ class Ghost(Follow):
         if queue.is_empty or queue[now].motion is None:
             rests = stands and (queue.is_empty or tau >= queue[now].end_s - ROUNDING or not self._goes)
             stays = before.s, before.motion, before.place, before.end
-            return Row(self.joints, counts, *stays, tau, now, None, rests, False, self.tie.law)
+            return Row(self.joints, counts, *stays, tau, now, None, rests, True, False, self.tie.law)
         entry = queue[now]
         assert entry.motion is not None
-        motion, place, end = entry.piece.motion_id, self.s, entry.motion.end
-        far = place - before.place
+        motion, end, (_, v, a) = entry.piece.motion_id, entry.motion.end, entry.at(tau)
+        far = self.s - before.place[0]
         if motion != before.motion:
             while now > queue.first and queue[now - 1].piece.motion_id == motion:
                 now -= 1
-            far = max(0.0, before.end - before.place) + place - queue[now].begins_at
+            far = max(0.0, before.end - before.place[0]) + self.s - queue[now].begins_at
         halted = not self._goes or tau == before.tau
         stopped = self._brake.active and self._brake.over
         rests = stopped or (stands and stop is None and halted)
-        goes = before.s + far, motion, place, end
-        law, of = self.tie.law, self._of
-        return Row(self.joints, counts, *goes, tau, self._now, stop, rests, stopped, law, of=of)
+        goes = before.s + far, motion, (self.s, v, a), end
+        ends = rests or (stop is None and entry.rests_at(tau))
+        return Row(self.joints, counts, *goes, tau, self._now, stop, rests, ends, stopped, self.tie.law)
 
     def by_law(self) -> None:
         """From where the law is."""
@@ -165,14 +165,9 @@ class Ghost(Follow):
         if found is None or row.now > self._queue.last:
             return None
         table, i = found
-        _, v, a = self._queue[row.now].at(row.tau)
+        _, v, a = row.place
         held = max(1, round(table.jerk_step_s / self._clock.period_s))
         return Stop(table.jerks[table.first[i] : table.first[i + 1]], held, 0, v, a)
-
-    def rests_at(self, row: Row) -> bool:
-        """Whether the plan itself rests at a row, so that it can simply end there."""
-        queue = self._queue
-        return row.rests or queue.is_empty or (row.stop is None and queue[row.now].rests_at(row.tau))
 
 
 class Lookahead:
@@ -187,7 +182,6 @@ class Lookahead:
         self._check = Check(machine)
         self._period_s = machine.period_s
         self._conditions: Conditions | None = None
-        self._taken = -1  # messages of pieces, when it began
         self.rows: deque[Row] = deque()
         self.path: list[Row] = []
         self.here = self._standing()
@@ -203,9 +197,21 @@ class Lookahead:
         self._led_last: Row | None = None  # that was laid over
         self._per_mm: tuple[ThreadMove | None, Sequence[float]] = (None, ())  # counts, along a thread
 
+    def foreseen(self, conditions: Conditions, replaced_s: float, last: Joints) -> Row | None:
+        """What the next step of the path comes to; None where it was looked ahead of another one.
+
+        ``replaced_s``: as in ``go_on``; ``last``: joints of the tick before the last one.
+        """
+        if not self.rows or conditions != self._conditions:
+            return None
+        follow, here, row = self._follow, self.here, self.rows[0]
+        same = here.tau == follow.tau and here.joints == follow.joints and last == follow.last
+        return row if same and row.tau < replaced_s - ROUNDING else None
+
     def _standing(self) -> Row:
         joints = self._follow.joints
-        return Row(joints, self._real_encoder.exact, 0.0, -1, 0.0, 0.0, self._follow.tau, 0, None, True)
+        exact, tau = self._real_encoder.exact, self._follow.tau
+        return Row(joints, exact, 0.0, -1, (0.0, 0.0, 0.0), 0.0, tau, 0, None, True, True)
 
     def forget(self) -> None:
         """The joints are where the drives are: there is no path ahead."""
@@ -273,7 +279,8 @@ class Lookahead:
         for joints in jogging.ahead(self._periods + EXTRA):
             before = rows[-1] if rows else self.here
             counts = self._encoder.counts(joints)
-            rows.append(before._replace(joints=joints, counts=counts, s=before.s + 1.0, rests=False))
+            s = before.s + 1.0
+            rows.append(before._replace(joints=joints, counts=counts, s=s, rests=False, ends=False))
         self.renewed, self._jog_speed = True, jogging.speed
         self.before_stop = self._periods + EXTRA if jogging.goes else len(rows)
         return same and jogging.goes
@@ -308,27 +315,30 @@ class Lookahead:
     def fill(self) -> tuple[int, Stop | None]:
         """Looks as far ahead as the stock needs it: rows that may be played, and the stop after them.
 
-        A tick that needs no new row computes one all the same, if the next will need two: stops begin in
-        every second period, or more seldom.
+        A tick that needs no new row computes one all the same, if one of the next will need two: stops begin
+        in every second period, or more seldom, and one takes a longer way than another.
         """
         seen = len(self.rows)
         found = self._fill()
-        if seen == len(self.rows) > 1 and self.rows[-2].s < self._covered:
+        if seen == len(self.rows) > SPARE and self.rows[-1 - SPARE].s < self._covered:
             self._extend()
         return found
 
     def _fill(self) -> tuple[int, Stop | None]:
         rows, n = self.rows, self._periods
-        self._take_corrections()
+        if self._chain or self._follow.coupling.active:
+            self._take_corrections()
         if self._conditions is None:
             return len(rows), None
         while len(rows) < n and self._extend():
             pass
-        self._lead()
+        if self._chain or self._ghost.tie.active:
+            self._lead()
         if self._led_until > _NEVER:
             n = max(n, min(self._led_until + 2, len(rows)))
         first, end = self._endless
-        n = min(end, len(rows)) if first < n < end else n
+        if first < n < end:
+            n = min(end, len(rows))
         while 0 < n <= len(rows):
             if self._rests_at(n - 1):
                 return n, None
@@ -351,7 +361,7 @@ class Lookahead:
 
     def _rests_at(self, i: int) -> bool:
         """Whether the plan can end with a row, since it stands there."""
-        return i > self._led_until and self._ghost.rests_at(self._row(i))
+        return i > self._led_until and (self._row(i).ends or self._ghost.queue.is_empty)
 
     def _rests(self, i: int) -> bool:
         """Whether nothing goes on behind a row."""
@@ -367,9 +377,9 @@ class Lookahead:
         if known is not row:
             stop = self._ghost.stop_at(row)
             self._known_stop = row, stop
-            if stop is not None and len(stop.jerks):
+            if stop is not None and stop.jerks:
                 self._covered = row.s + self._at_most(stop)
-        if stop is None or not len(stop.jerks):
+        if stop is None or not stop.jerks:
             first, end = self._endless
             self._endless = (first if first <= i <= end else i, i + 1)
             return None

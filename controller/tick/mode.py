@@ -27,6 +27,7 @@ _CAUSES = (
     Fault.MODE_LOST,
     Fault.EMCY,
     Fault.FOLLOWING_ERROR,
+    Fault.LOAD_OFF,
     Fault.SETPOINTS_LOST,
     Fault.LIMIT_SWITCH,
     Fault.TORQUE_OFF,

@@ -16,6 +16,7 @@ from controller.tick.drives import Drives
 from controller.tick.follow import Follow
 from controller.tick.jog import Jogging
 from controller.tick.joints import Encoder
+from controller.tick.limit_switches import LimitSwitches
 from controller.tick.lookahead import Lookahead
 from controller.tick.mode import Modes
 from controller.tick.peripherals import Peripherals
@@ -38,6 +39,7 @@ class Parts:
         "follow",
         "group",
         "jogging",
+        "limit_switches",
         "machine",
         "modes",
         "peripherals",
@@ -63,6 +65,7 @@ class Parts:
         self.coupling = Coupling(machine, group.spindle, group.drives, delay, periods)
         self.follow = Follow(machine, kinematics_of(machine), self.coupling)
         self.peripherals = Peripherals(machine, group.spindle, group.io, self.coupling, slot)
+        self.limit_switches = LimitSwitches(machine)
         self.adaptive = Adaptive(machine, group.spindle)
         self.jogging = Jogging(machine, self.modes, self.follow, delay)
         self.answers = Answers()

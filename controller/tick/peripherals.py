@@ -158,6 +158,8 @@ class Peripherals:
         self.present = self._answers or machine.spindle is not None
         self._flip_inputs, self._flip_outputs = _flips(io)
         self._interlocks = _interlocks(io)
+        has_ends = any(axis.limit_inputs is not None for axis in machine.axes)
+        self._guards_motion = bool(self._interlocks) or has_ends  # the inputs must be known
         self._flow, self._mist, self._flood = _masks(io)
         self._feed_stop = _mask(io.inputs, ["feed_stop"]) if io is not None else 0
         self._clamps = _clamps(machine, io) if self._node is not None else ()
@@ -341,7 +343,7 @@ class Peripherals:
         if self._node is None:
             return False
         if not self._node.fresh(now_s, self._consumer_s):
-            modes.forbid(Fault.IO_LOST if self._interlocks else Fault.NONE)
+            modes.forbid(Fault.IO_LOST if self._guards_motion else Fault.NONE)
             return False
         self.inputs = inputs = self._node.inputs ^ self._flip_inputs
         guards = inputs | self._lifted

@@ -42,6 +42,7 @@ class StatusPublisher:
         self.drive_states = [0] * len(group.drives)
         self.malformed = [0] * len(group.drives)
         self.missed, self.overdue = [-1] * len(group.drives), [0] * len(group.drives)
+        self.load_off = [0.0] * len(group.drives)
         self.fault_off = 0.0
         self.bus_share = 0.0
         self.lost_frames = 0
@@ -81,6 +82,8 @@ class StatusPublisher:
         for i, drive in enumerate(self._group.drives):
             states[i], malformed[i] = drive.state, drive.malformed
             missed[i], overdue[i] = drive.missed, drive.overdue
+            if drive.load is not None:
+                self.load_off[i] = self._encoder.to_units(i, drive.load.off)
         self.fault_off = self._off()
 
     def _off(self) -> float:

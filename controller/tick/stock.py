@@ -22,7 +22,6 @@ from typing import Final, NamedTuple
 
 from controller.machine.model import Machine
 from controller.tick.drives import Drives
-from controller.tick.follow import Follow
 from controller.tick.jog import Jogging
 from controller.tick.joints import Encoder
 from controller.tick.lookahead import Conditions, Lookahead, Row
@@ -164,19 +163,9 @@ class Stock:
         """Whether the drives may have answered the newest SYNC already."""
         return now_s > self.due_s - self._period_s + ANSWERS_S
 
-    @property
-    def foreseen(self) -> Row | None:
-        """What the next step of the path comes to, if nothing has changed."""
-        ahead = self.ahead
-        return ahead.rows[0] if ahead.rows and ahead.before_stop is None else None
-
-    def has_judged(self, row: Row, follow: Follow) -> bool:
-        """Whether a step has come to a row just as it was looked ahead, from the rows before it.
-
-        Then it was judged there, before it was published, and its counts are those of the row.
-        """
-        same = row.joints is follow.joints and self.ahead.here.joints is follow.last
-        return same and self._last.joints is follow.before and self._encoder.plain
+    def foreseen(self, conditions: Conditions, replaced_s: float) -> Row | None:
+        """What the next step of the path comes to, where all is as it was when that was looked ahead."""
+        return self.ahead.foreseen(conditions, replaced_s, self._last.joints)
 
     @property
     def stood_from(self) -> int:
@@ -196,9 +185,11 @@ class Stock:
 
     def _exact(self, period: int) -> tuple[Sequence[float], float | None]:
         """Likewise, before it is rounded; of a stop, never one before that which was asked for last."""
-        plan, period = self._plan, min(period, self.stood_from - 1)
+        plan = self._plan
         if plan is None:
             return self._encoder.setpoints, None
+        if self.phase is _GAP and period >= self.since:
+            period = self.since - 1
         i, end = period - plan.first, 1 + self.memory.drives
         if i < plan.nominal or plan.stop is None:
             n = max(0, min(i, plan.nominal - 1))

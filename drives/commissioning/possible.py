@@ -83,7 +83,7 @@ def warnings(settings: Settings, master: MasterSettings, sheet: Sheet) -> list[M
 def unit_problems(settings: Settings, sheet: Sheet) -> Iterator[Message]:
     """What commissioning would refuse of the units of a drive that has the sheet's defaults still.
 
-    Not a problem yet: who sets a drive up by its maker's tool changes them.
+    Whoever has set a drive up by its maker's tool says so by an override of the default.
     """
     if isinstance(settings, IoSettings):
         return
@@ -189,6 +189,8 @@ def _of_axis(node: NodeSettings, profile: Profile) -> Iterator[Message]:
     others = (profile.tpdo, node.probe_tpdo, node.temperature_tpdo)
     if node.demand_tpdo and node.demand_tpdo in others:
         yield message("on_paper.demand_taken", tpdo=node.demand_tpdo)
+    if node.load_tpdo and node.taken_tpdos.count(node.load_tpdo) > 1:
+        yield message("on_paper.load_encoder_taken", tpdo=node.load_tpdo)
 
 
 # --- by the data sheet ---------------------------------------------------------------

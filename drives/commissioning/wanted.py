@@ -210,6 +210,9 @@ def axis_pdos(node: NodeSettings) -> Iterator[Pdo]:
         what = message("setting.demand", number=node.demand_tpdo)
         demand = (node.demand_index << 16 | 32,)
         yield Pdo(TPDO, node.demand_tpdo, node.demand_every, demand, what, optional=True)
+    if node.load_tpdo:
+        what = message("setting.load_encoder", number=node.load_tpdo)
+        yield Pdo(TPDO, node.load_tpdo, node.load_every, (node.load_entry,), what)
     if not node.mode_tpdo:
         return
     what = message("setting.mode", number=node.mode_tpdo)

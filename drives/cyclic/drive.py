@@ -15,6 +15,7 @@ from drives import cia402, pdo
 from drives.cia402 import State, Wanted
 from drives.cyclic.drive_fault import DriveFault
 from drives.cyclic.following_error import FollowingError
+from drives.cyclic.load_encoder import LoadEncoder
 from drives.cyclic.power_stage import LOST_IN_A_ROW, PowerStage
 from drives.cyclic.supervised import NEVER_S, Handler
 from drives.cyclic.touch_probe import TouchProbe
@@ -65,8 +66,8 @@ class Drive(PowerStage):
     Read: ``position`` (counts), ``position_at_s``, ``following``, ``setpoint`` (as sent), ``homing_done``,
     ``homing_error``, ``refused`` (setpoints outside of int32, not sent), ``following_error`` (command against
     position), ``missed`` (setpoints that it did not take with their SYNC, -1 until it has told what it goes
-    by), ``overdue`` (its own notices that they stay away, emergency 8250h), ``probe``, ``near`` (of two
-    answers to one SYNC: the motor was at rest between them, or almost), and what `PowerStage` and
+    by), ``overdue`` (its own notices that they stay away, emergency 8250h), ``load``, ``probe``, ``near`` (of
+    two answers to one SYNC: the motor was at rest between them, or almost), and what `PowerStage` and
     `Supervised` have.
     """
 
@@ -125,6 +126,10 @@ class Drive(PowerStage):
         if settings.demand_tpdo:
             self.with_sync += (pdo.tpdo(settings.demand_tpdo, node),)
             self.handlers[pdo.tpdo(settings.demand_tpdo, node)] = self._receive_demand
+        self.load = LoadEncoder(settings) if settings.load_tpdo else None
+        if self.load is not None:
+            self.with_sync += (pdo.tpdo(settings.load_tpdo, node),)
+            self.handlers[pdo.tpdo(settings.load_tpdo, node)] = self._receive_load
         self.probe = TouchProbe(node, settings.probe_tpdo) if settings.probe_tpdo else None
         if self.probe is not None:
             self.handlers |= self.probe.handlers
@@ -166,6 +171,23 @@ class Drive(PowerStage):
         (self._demand,) = pdo.DEMAND.unpack(data)
         self.missed = max(self.missed, 0)
 
+    def _receive_load(self, data: memoryview, now_s: float) -> None:
+        if self.load is None or len(data) != pdo.DEMAND.size:
+            self.malformed += 1
+            return
+        (self.load.position,) = pdo.DEMAND.unpack(data)
+        self.load.is_new = True
+
+    def _look_at_load(self, load: LoadEncoder) -> None:
+        """Load against motor, of the same SYNC; where the drive seeks its zero, the two begin anew."""
+        if not self.cyclic:
+            load.begin_anew()
+            return
+        load.compare(self.position)
+        if self.following and load.fault is not DriveFault.NONE:
+            self._lose(load.fault)
+            self._step()
+
     def _compare_demand(self, demand: int) -> None:
         """Goes it by what it was sent? One that limits itself need not, but it does not stay where it was."""
         counts, before = demand / self._per_count, self._went_by
@@ -186,6 +208,8 @@ class Drive(PowerStage):
         if self._demand is not None:
             demand, self._demand = self._demand, None
             self._compare_demand(demand)
+        if self.load is not None:
+            self._look_at_load(self.load)
         if self.again:
             self._judge_again()
         lag = self._target_reached - self.position
@@ -283,6 +307,8 @@ class Drive(PowerStage):
         super()._forget()
         self._followed = False
         self.following_error.forget()
+        if self.load is not None and self.settings.absolute:  # nobody homes it
+            self.load.begin_anew()
 
     def _look(self, enabled: bool) -> None:
         super()._look(enabled)

@@ -15,6 +15,7 @@ class DriveFault(Enum):
     STATE_LOST = auto()  # left OPERATION_ENABLED, or stopped following, without being told to
     TORQUE_OFF = auto()  # dropped to SWITCH_ON_DISABLED without a fault: STO or the enable input
     FOLLOWING_ERROR = auto()  # emergency 8611h, or not where it was told to be
+    LOAD_OFF = auto()  # the encoder at the load is elsewhere than the motor's
     SETPOINTS_LOST = auto()  # emergency 8250h: the deadline of its RPDO (1400h:05) has passed
     LIMIT_SWITCH = auto()  # emergency 8612h
     EMCY = auto()  # the drive reported any other error; see emcy_code

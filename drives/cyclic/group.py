@@ -202,7 +202,10 @@ class Group:
         """Controlwords, positions and silent buses, as the pump is to have them from its next period on."""
         words, positions, units = memory.words, memory.positions, memory.velocity_units
         for i, drive in enumerate(self.drives):
-            words[i], positions[i], units[i] = drive.word, drive.position, drive.velocity_per_period
+            word = drive.word
+            if word != words[i] or not drive.following:  # of one that follows nothing else changes
+                positions[i], units[i] = drive.position, drive.velocity_per_period
+                words[i] = word
         if self.spindle is not None:
             words[memory.drives], units[memory.drives] = self.spindle.word, self.spindle.units_per_rev_s
         muted = 0

@@ -200,6 +200,9 @@ def _drive(rows: _Rows, node: NodeSettings, master: MasterSettings) -> None:
     if node.demand_tpdo:
         demand = pdo.tpdo(node.demand_tpdo, node.node)
         rows.every_tick("demand", name, name, demand, pdo.DEMAND.size, every=node.demand_every)
+    if node.load_tpdo:
+        load = pdo.tpdo(node.load_tpdo, node.node)
+        rows.every_tick("load_encoder", name, name, load, pdo.DEMAND.size, every=node.load_every)
     if node.mode_tpdo:
         mode = pdo.tpdo(node.mode_tpdo, node.node)
         rows.at_interval("mode", name, name, mode, MODE_EVERY_MS / 1000, bytes([profile.mode.value]))

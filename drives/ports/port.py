@@ -131,8 +131,9 @@ class HubSocket(FrameSocket):
 
     def take(self, sock: socket.socket) -> None:
         super().take(sock)
-        self._poll = select.poll()  # a third of what it costs to receive nothing
-        self._poll.register(sock, select.POLLIN)
+        poll = select.poll()
+        poll.register(sock, select.POLLIN)
+        self._ready = poll.poll  # a third of what it costs to receive nothing
 
     @property
     def overflows(self) -> int:
@@ -182,29 +183,25 @@ class HubSocket(FrameSocket):
 
     def receive_packet(self, most: int) -> memoryview | None:
         """The next frames of one packet, at most so many, where they lie until the next call; None: none."""
-        while self._at >= self._end:
-            if not self._poll.poll(0) or not self._receive():
+        at, end = self._at, self._end
+        while at >= end:
+            if not self._ready(0):
                 return None
-        at = self._at
-        end = at + most * pdo.FRAME_BYTES
-        if end > self._end:
-            end = self._end
+            try:
+                end = self._end = self._receive_into(self._packet) & ~(pdo.FRAME_BYTES - 1)
+            except OSError:
+                return None
+            at = 0
+            if not end:
+                self._at, self.gone = 0, True
+                return None
+            if self._packet[3] == LOST_FRAMES_BYTE:  # the hub's own word, no frame
+                self._lost = self._lost_before + int.from_bytes(self._packet[8:12], "little")
+                at = pdo.FRAME_BYTES
+        if end - at > most * pdo.FRAME_BYTES:
+            end = at + most * pdo.FRAME_BYTES
         self._at = end
         return self._view[at:end]
-
-    def _receive(self) -> bool:
-        """The next packet, of which the hub's own word is no frame; False where there is none."""
-        try:
-            self._end = self._receive_into(self._packet) & ~(pdo.FRAME_BYTES - 1)
-        except OSError:
-            return False
-        self._at = 0
-        if not self._end:
-            self.gone = True
-        elif self._packet[3] == LOST_FRAMES_BYTE:  # before what its queue had room for
-            self._lost = self._lost_before + int.from_bytes(self._packet[8:12], "little")
-            self._at = pdo.FRAME_BYTES
-        return not self.gone
 
     def restart(self) -> None:
         if not self.gone:

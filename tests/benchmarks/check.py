@@ -37,6 +37,7 @@ CHORDS = (  # corners in degrees, and what the path is
     ("smooth", SMOOTH, "G64 P0.001"),
     ("10 deg, G64 P", (10.0, 10.0), "G64 P0.001"),
     ("5 to 15 deg, G64 P", (5.0, 15.0), "G64 P0.001"),
+    ("5 to 15 deg, wider P", (5.0, 15.0), "G64 P0.01"),
     ("5 to 15 deg, exact", (5.0, 15.0), ""),
 )
 MAX_TIMES_SMOOTH = 2.0

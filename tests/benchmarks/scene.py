@@ -91,7 +91,7 @@ def measure(lines: int, rounds: int, seconds: float, width: int, height: int) ->
         with browser.fake_site(folder, "stepped_site") as site, browser.browser() as chromium:
             page = chromium.new_page(viewport={"width": width, "height": height})
             short = loaded(page, site)
-            shape(lines).save(folder / "pictures" / f"{LONG}.npz")
+            shape(lines).save(folder / "panel" / "pictures" / f"{LONG}.npz")
             (folder / "picture").write_text(LONG)
             long = loaded(page, site)
             page.goto(f"{site.url}#scene")

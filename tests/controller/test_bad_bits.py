@@ -26,7 +26,7 @@ from support.machines.stored_tools import StoredTools
 from support.suite.seed import SEED
 
 from controller import own_database
-from controller.api import backup, log_in_marker
+from controller.api import backup, log_in_marker, own_folder
 from controller.api.app_state import Panel
 from controller.api.database import StoreError
 from controller.api.http import make_app
@@ -53,7 +53,7 @@ TOKEN, SHA256 = new_token()
 USER = "anna"
 MACHINE = changer_bench.machine()
 TOUCHED = Probed(True, (0.0,) * len(MACHINE.axes), (0.0,) * len(MACHINE.axes))
-DATABASES = ("store.sqlite", service_store.FILE)
+DATABASES = ("panel/store.sqlite", service_store.FILE)
 ASKED = ("status", "facts", "alarms", "runs", "usage", "probed", "restart", "changer")
 
 
@@ -98,7 +98,7 @@ def used(tmp_path_factory: pytest.TempPathFactory) -> Path:
     store.users.add_token(SHA256, "script", "set_up", USER)
     killed = folder / "killed"
     shutil.copytree(state, killed)  # what is written ahead with it, as nobody has closed them
-    assert (killed / "store.sqlite-wal").stat().st_size and (
+    assert (killed / "panel/store.sqlite-wal").stat().st_size and (
         killed / f"{service_store.FILE}-wal"
     ).stat().st_size
     store.close()
@@ -251,6 +251,7 @@ def test_a_bad_bit_in_any_frame_that_is_written_ahead_is_noticed(
 ) -> None:
     """In the header, in a frame's sums and in its page; nothing is said of one that is whole."""
     file = name.removesuffix("-wal")
+    (tmp_path / file).parent.mkdir(exist_ok=True)
     places = [5, 9, 20, 25, *(32 + i * 4120 + at for i in range(frames(used / name)) for at in (9, 17, 2000))]
     for at in (None, *places):
         for end in ("", "-wal"):
@@ -283,7 +284,7 @@ def test_what_was_never_committed_is_no_loss(tmp_path: Path) -> None:
 
 def without_users(state: Path) -> None:
     """A bad bit in the first frame that is written ahead: all that came since is dropped."""
-    wal = state / "store.sqlite-wal"
+    wal = own_folder.of(state) / "store.sqlite-wal"
     data = bytearray(wal.read_bytes())
     data[32 + 24 + 100] ^= 1
     wal.write_bytes(data)
@@ -298,12 +299,12 @@ def test_users_that_a_bad_bit_has_cost_open_nothing_and_the_loss_is_reported(fol
     with contextlib.closing(Store(state)) as store:
         assert store.users.all() == []
         (alarm,) = (one for one in store.alarms.list() if one.name == DAMAGED)
-        assert alarm.key == "store_lost" and (state / "store.sqlite-wal.damaged1").exists()
+        assert alarm.key == "store_lost" and (store.own / "store.sqlite-wal.damaged1").exists()
         names = sorted(program.name for program in store.programs.list())
         assert len(names) == 2 and all(name.startswith("recovered/") for name in names)
         assert store.sweep() == 0
         store.users.set("carl", "hash", "set_up")
-        assert store.users.lost is None and log_in_marker.users(state) == 1
+        assert store.users.lost is None and log_in_marker.users(store.own) == 1
 
 
 @pytest.mark.parametrize("damage", ["", "nobodz\n", "nobody", "users 0\n", "\xff", None])
@@ -311,9 +312,10 @@ def test_a_note_of_the_users_that_is_damaged_or_gone_opens_nothing(
     folder: Path, app: Any, damage: str | None
 ) -> None:
     state = folder / "state"
-    (state / log_in_marker.FILE).unlink()
+    note = own_folder.of(state) / log_in_marker.FILE
+    note.unlink()
     if damage is not None:
-        (state / log_in_marker.FILE).write_bytes(damage.encode("latin-1"))
+        note.write_bytes(damage.encode("latin-1"))
     without_users(state)
     _, strangers, _ = asyncio.run(answered(app, state))
     assert set(strangers) == {401}
@@ -321,13 +323,13 @@ def test_a_note_of_the_users_that_is_damaged_or_gone_opens_nothing(
 
 def test_a_store_that_is_emptied_beside_its_note_opens_nothing(folder: Path, app: Any) -> None:
     for name in ("store.sqlite", "store.sqlite-wal", "store.sqlite-shm"):
-        (folder / "state" / name).unlink()
+        (folder / "state" / "panel" / name).unlink()
     _, strangers, _ = asyncio.run(answered(app, folder / "state"))
     assert set(strangers) == {401}
 
 
 def test_a_part_of_the_users_that_is_lost_is_told_and_the_others_log_in(folder: Path, app: Any) -> None:
-    with contextlib.closing(sqlite3.connect(folder / "state" / "store.sqlite")) as sql:
+    with contextlib.closing(sqlite3.connect(folder / "state" / "panel" / "store.sqlite")) as sql:
         sql.execute("DELETE FROM users WHERE name = 'bert'")
         sql.commit()
     panel, strangers, logged_in = asyncio.run(answered(app, folder / "state"))
@@ -343,25 +345,25 @@ def test_a_store_of_before_there_were_notes_is_as_open_as_it_was(tmp_path: Path,
                 store.users.set(USER, "hash", "set_up")
             with store.database.write() as sql:
                 sql.execute("PRAGMA user_version = 3")
-        (state / log_in_marker.FILE).unlink()
+        (store.own / log_in_marker.FILE).unlink()
         panel, strangers, _ = asyncio.run(answered(app, state))
         assert panel.users.any is bool(users) and (200 in strangers) is not bool(users)
-        assert log_in_marker.users(state) == users
+        assert log_in_marker.users(store.own) == users
 
 
 def test_the_last_user_that_is_removed_opens_it_again_and_none_that_was_lost(tmp_path: Path) -> None:
     with contextlib.closing(Store(tmp_path)) as store:
-        assert store.users.lost is None and log_in_marker.users(tmp_path) == 0
+        assert store.users.lost is None and log_in_marker.users(store.own) == 0
         for name in (USER, "bert"):
             store.users.set(name, "hash", "set_up")
         store.users.remove(USER)
-        assert log_in_marker.users(tmp_path) == 1
-        log_in_marker.write(tmp_path, 3)  # two were lost
+        assert log_in_marker.users(store.own) == 1
+        log_in_marker.write(store.own, 3)  # two were lost
         store.users.remove("bert")
         assert store.users.lost is not None, "who is removed was not the last"
         store.users.set(USER, "hash", "set_up")
         store.users.remove(USER)
-        assert store.users.lost is None and log_in_marker.users(tmp_path) == 0
+        assert store.users.lost is None and log_in_marker.users(store.own) == 0
 
 
 # -- what the service notes

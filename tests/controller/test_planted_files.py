@@ -98,12 +98,14 @@ def tmp_path(used: Path) -> Iterator[Path]:
 
 @pytest.fixture
 def state(tmp_path: Path) -> Path:
-    """It belongs to the service, and the group of service and panel may write it: as it is installed."""
+    """Each has his own folder, as it is installed. What is planted in the service's stands for a version
+    before, whose folder both could write.
+    """
     state = tmp_path / "state"
     for path in (state, *state.rglob("*")):
         if os.geteuid() == 0:
-            os.chown(path, SERVICE, GROUP)
-        path.chmod(0o2770 if path.is_dir() else 0o640)
+            os.chown(path, PANEL if path.is_relative_to(state / "panel") else SERVICE, GROUP)
+        path.chmod(0o750 if path.is_dir() else 0o640)
     return state
 
 
@@ -323,7 +325,7 @@ def outside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_nothing_that_takes_the_place_of_a_file_of_the_service_is_written_through_or_waited_for(
     state: Path, outside: Path, plant: str
 ) -> None:
-    for path in [one for one in state.iterdir() if one.is_file()]:
+    for path in [one for folder in (state, state / "panel") for one in folder.iterdir() if one.is_file()]:
         replaced(path, outside, PLANTS[plant])
         replaced_new = path.with_name(f"{path.name}.new")
         replaced_new.write_bytes(b"")
@@ -337,7 +339,8 @@ def test_nothing_that_takes_the_place_of_a_file_of_the_service_is_written_throug
 def test_nothing_that_takes_the_place_of_a_folder_of_the_service_is_written_or_emptied(
     state: Path, outside: Path, plant: str
 ) -> None:
-    for path in [one for one in state.iterdir() if one.is_dir()]:
+    of_panel = [one for one in (state / "panel").iterdir() if one.is_dir()]
+    for path in [*of_panel, *(one for one in state.iterdir() if one.is_dir() and one.name != "panel")]:
         replaced(path, outside, PLANTS[plant])
     with unharmed(outside):
         for do in (*DONE.values(), *VERBS.values()):
@@ -348,8 +351,8 @@ def test_nothing_that_takes_the_place_of_a_folder_of_the_service_is_written_or_e
 @pytest.mark.parametrize(
     "name",
     [
-        *("store.sqlite", "store.sqlite-wal", "store.sqlite-shm", "service.sqlite", "service.sqlite-wal"),
-        *("service.sqlite.before", "tools.db", "log_in"),
+        *(f"panel/{name}" for name in ("store.sqlite", "store.sqlite-wal", "store.sqlite-shm", "log_in")),
+        *("service.sqlite", "service.sqlite-wal", "service.sqlite.before", "tools.db"),
     ],
 )
 def test_nothing_beside_or_in_the_place_of_a_database_is_written_through(
@@ -429,7 +432,7 @@ def hot_journal(database: Path, victim: Path) -> bytes:
 
 
 @pytest.mark.parametrize(
-    ("name", "do"), [("store.sqlite", VERBS["users add"]), ("service.sqlite", DONE["tools"])]
+    ("name", "do"), [("panel/store.sqlite", VERBS["users add"]), ("service.sqlite", DONE["tools"])]
 )
 def test_no_journal_that_is_planted_beside_a_database_deletes_what_it_names(
     state: Path, outside: Path, name: str, do: Do
@@ -463,15 +466,15 @@ def test_what_the_panel_notes_of_a_machine_file_is_in_no_archive_of_root_s(
 
 
 @needs_root
-def test_what_root_writes_belongs_to_the_service_and_only_what_both_write_is_the_group_s(
+def test_what_root_writes_belongs_to_whose_folder_it_is_in_and_nobody_else_may_write_it(
     state: Path, outside: Path
 ) -> None:
     for do in (*DONE.values(), *VERBS.values()):
         _refused(do, state, outside)
     for path in [one for one in state.rglob("*") if one.is_file()]:
         facts = path.stat()
-        assert facts.st_uid == SERVICE, path
-        assert not facts.st_mode & 0o022 or path.name.startswith("store.sqlite"), path
+        assert facts.st_uid == (PANEL if path.is_relative_to(state / "panel") else SERVICE), path
+        assert not facts.st_mode & 0o022, path
 
 
 def test_a_restore_replaces_the_machine_file_and_a_roll_back_puts_it_back_though_links_lie_in_wait(
@@ -519,11 +522,12 @@ def test_a_name_leads_out_of_no_folder(tmp_path: Path) -> None:
 
 # Rooms that work in the state folder, but for what is elsewhere: sockets, devices, what an operator names.
 ROOM = Path(own_files.__file__).parent
+OF_API = ("backup", "database", "own_folder", "programs", "uploads", "log_in_marker")
 IN_STATE = [
     *(file for file in ROOM.glob("service/*.py") if file.stem not in ("pendant", "socket_server")),
     *(ROOM / "machine" / f"{name}.py" for name in ("setup_data", "arrangement")),
     *(ROOM / "store").glob("*.py"),
-    *(ROOM / "api" / f"{name}.py" for name in ("backup", "database", "programs", "uploads", "log_in_marker")),
+    *(ROOM / "api" / f"{name}.py" for name in OF_API),
     *(ROOM / name for name in ("runtime/recording.py", "plan/report/stored.py", "ipc/control_socket.py")),
 ]
 WHOLE = ("open", "os.open", "os.replace", "sqlite3.connect")

@@ -22,7 +22,7 @@ from controller.messages import message
 from controller.store import service_store
 from controller.store.tool_store import Step
 
-STORE, TOOLS = "store.sqlite", service_store.FILE
+STORE, TOOLS = "panel/store.sqlite", service_store.FILE
 
 
 @pytest.fixture(scope="module")
@@ -180,7 +180,7 @@ def test_a_user_who_is_another_than_was_written_is_taken_out_and_reported(
         assert store.users.lost is not None
         store.sweep()
         assert sum(one.name == DAMAGED for one in store.alarms.list()) == 1
-    with contextlib.closing(sqlite3.connect(folder / "store.sqlite.damaged1")) as sql:
+    with contextlib.closing(sqlite3.connect(folder / f"{STORE}.damaged1")) as sql:
         assert sql.execute("SELECT count(*) FROM users WHERE name = 'anna'").fetchone() == (1,)
 
 

@@ -13,7 +13,7 @@ import pytest
 from drives import commission, pdo
 from drives.bench.simulated import rig
 from drives.commissioning import draft, possible, sheet
-from drives.profile import CyclicMode, Supervision
+from drives.profile import CyclicMode, Override, Supervision
 from drives.settings import BusSettings, MasterSettings, NodeSettings
 from drives.text_file import TextFile
 from drives.texts import english
@@ -118,6 +118,23 @@ def test_draft_check_and_commissioning_judge_alike(number: int) -> None:
         assert checked, (lacks, error)
     else:
         assert not checked, (lacks, [*map(english, checked)])
+
+
+def test_units_by_the_defaults_are_judged_as_commissioning_does() -> None:
+    """60A9h in rev/min, and nothing that says what a revolution is: refused by both, or by neither."""
+    head, _, rest = without("608F", "6092").partition("[60A9]\n")
+    text = head + "[60A9]\n" + rest.replace("DefaultValue=0\n", "DefaultValue=0x00B44700\n", 1)
+    node = node_of(drafted(text), text)
+    mended = Override(0x60A9, 0, "set so by its maker's tool", default=0)
+    for one, allowed in ((node, False), (replace(node, velocity_unit_counts_s=60.0), True)):
+        problems, _ = commission.on_paper(one, MASTER)
+        assert bool(problems) is not allowed, problems
+        if allowed:
+            commissioned(one)
+        else:
+            with pytest.raises(commission.CommissionError, match="60A9h"):
+                commissioned(one)
+    assert not commission.on_paper(replace(node, overrides=(mended,)), MASTER)[0]
 
 
 def makers() -> list[str]:

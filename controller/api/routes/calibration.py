@@ -18,7 +18,7 @@ from fastapi import APIRouter, Path, Request
 from pydantic import Field
 
 from controller.api import models
-from controller.api.access import needs, panel_of
+from controller.api.access import needs, owner_of, panel_of, principal
 from controller.api.answers import Refusal, documented
 from controller.api.app_state import Panel
 from controller.api.roles import Role
@@ -79,10 +79,11 @@ async def evaluate(request: Request, name: Annotated[str, Path(max_length=20)], 
     _there(kind, body)
     job = {"measurement": name, "values": values, "table": body.table, "file": "table"}
     job |= {"state": str(panel.store.folder), **await asyncio.to_thread(_program, panel, body.program)}
+    owner = owner_of(request, await principal(request))
     busy = Refusal.of(429, "many", "calibration.busy", headers={"Retry-After": "1"})
     failed = Refusal.of(503, "unread", "calibration.unread", seconds=panel.measuring.longest_s)
     async with _recording(request, body.ticks if kind.takes == "ticks" else None) as file:
-        answer = await panel.measuring.run({**job, "recording": file}, busy, failed)
+        answer = await panel.measuring.run({**job, "recording": file}, busy, failed, owner)
     if refused := answer.get("refused"):
         raise Refusal(422, "bad", refused)
     return Evaluated(measurement=name, **answer["found"])

@@ -22,7 +22,7 @@ from controller.plan.report import picture
 
 router = APIRouter(tags=["looks"])
 FAILED = ("fault", "refused", "lost")
-PICTURES = "pictures"  # folder of the state folder, where checks leave them
+PICTURES = "pictures"  # folder of the panel's, where checks leave them
 
 
 @router.get("/machine/buses", dependencies=[needs(Role.VIEW)], responses=LOOKS)
@@ -121,7 +121,7 @@ def _pictured(panel: Panel, name: str) -> tuple[str, ProgramCheck]:
 
 def _shape(panel: Panel, name: str, key: str) -> picture.Shape:
     try:
-        return picture.load(panel.store.folder / PICTURES / f"{key}.npz")
+        return picture.load(panel.store.own / PICTURES / f"{key}.npz")
     except (OSError, ValueError, KeyError):
         raise Refusal.of(404, "missing", "picture_gone", program=name) from None
 

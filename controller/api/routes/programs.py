@@ -13,8 +13,8 @@ from urllib.parse import quote
 from fastapi import APIRouter, Query, Request, Response
 from fastapi.responses import FileResponse
 
-from controller.api import listing, models, multipart
-from controller.api.access import needs, panel_of, principal
+from controller.api import listing, models, multipart, quotas
+from controller.api.access import needs, owner_of, panel_of, principal
 from controller.api.answers import Refusal, documented
 from controller.api.app_state import Panel
 from controller.api.multipart import Received
@@ -53,10 +53,11 @@ async def take(request: Request) -> Received:
         except TimeoutError:  # it waits behind a crowd of questions to a service that hangs
             raise Refusal.of(503, "silent", "silent_service") from None
 
-    kind = request.headers.get("content-type", "")
-    received = await multipart.receive(request.stream(), kind, panel.store.uploads, who.name, in_use)
+    kind, owner = request.headers.get("content-type", ""), owner_of(request, who)
+    with panel.uploading.held(owner):
+        received = await multipart.receive(request.stream(), kind, panel.store.uploads, who.name, in_use)
     if panel.checker is not None:
-        await asyncio.to_thread(panel.checker.ask, received.program)
+        await asyncio.to_thread(panel.checker.ask, received.program, owner)
     panel.events.tell("programs", {"name": received.program.name, "done": "uploaded"})
     return received
 
@@ -137,7 +138,8 @@ async def around(
 )
 async def draft(request: Request, body: models.Draft) -> models.DraftRead:
     """Have a text read as a program of that name would be; nothing is kept, nothing is planned."""
-    found = await panel_of(request).drafts.read(body.name, body.text)
+    owner = owner_of(request, await principal(request))
+    found = await panel_of(request).drafts.read(body.name, body.text, owner)
     return models.DraftRead(refusals=[models.DraftRefusal(**one) for one in found])
 
 
@@ -202,16 +204,17 @@ async def check(request: Request, name: Name) -> models.CheckFacts:
     "/programs/{name}/check",
     status_code=202,
     dependencies=[needs(Role.OPERATE)],
-    responses=documented(401, 403, 404, 422),
+    responses=documented(401, 403, 404, 422, 429),
 )
 async def ask_check(request: Request, name: Name) -> models.CheckFacts:
     """Have it checked on the machine as it is fitted now, unless it was."""
-    panel = panel_of(request)
+    panel, owner = panel_of(request), owner_of(request, await principal(request))
 
     def ask() -> models.CheckFacts:
         found = panel.store.programs.get(name)
         if panel.checker is not None:
-            panel.checker.ask(found)
+            quotas.check(panel.checker.waiting(owner), owner, "checks_many_of_one", quotas.MAX_CHECKS)
+            panel.checker.ask(found, owner)
         return _check(panel, found)
 
     return await asyncio.to_thread(ask)

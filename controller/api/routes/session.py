@@ -5,13 +5,15 @@ from __future__ import annotations
 import asyncio
 from typing import Annotated
 
-from fastapi import APIRouter, Header, Request, Response
+from fastapi import APIRouter, Header, Path, Request, Response
 
 from controller.api import models_of_access as models
+from controller.api import passwords
 from controller.api.access import (
     COOKIE,
     address,
     check_origin,
+    cookie_of,
     moves,
     needs,
     note_refused,
@@ -21,9 +23,13 @@ from controller.api.access import (
 )
 from controller.api.answers import Refusal, documented
 from controller.api.roles import Principal, Role
-from controller.api.sessions import SESSION_S
+from controller.api.sessions import NAME_DIGITS, SESSION_S, Session, name_of, sha256
+from controller.api.store import User
+from controller.messages import Key
 
 router = APIRouter(tags=["access"])
+AGAIN = documented(401, 403, 409, 422, 429, 503)
+SessionName = Annotated[str, Path(pattern=rf"^[0-9a-f]{{{NAME_DIGITS}}}$")]
 
 
 @router.post("/session", responses=documented(401, 403, 409, 422, 429))
@@ -42,11 +48,15 @@ async def log_in(request: Request, response: Response, body: models.LogIn) -> mo
             note_refused(request, "", "log in", refusal)
         raise
     panel.note(who.name, where, "log in")
+    _set_cookie(request, response, cookie)
+    return _facts(request, who)
+
+
+def _set_cookie(request: Request, response: Response, cookie: str) -> None:
     secure = request.url.scheme == "https"
     response.set_cookie(
         COOKIE, cookie, max_age=int(SESSION_S), httponly=True, samesite="strict", secure=secure, path="/"
     )
-    return _facts(request, who)
 
 
 @router.get("/session", dependencies=[needs(Role.VIEW)], responses=documented(401, 403))
@@ -60,7 +70,7 @@ async def session(request: Request) -> models.SessionFacts:
 )
 async def log_out(request: Request, response: Response) -> None:
     """End the session."""
-    await asyncio.to_thread(panel_of(request).users.log_out, request.cookies.get(COOKIE, ""))
+    await asyncio.to_thread(panel_of(request).users.log_out, cookie_of(request))
     response.delete_cookie(COOKIE, path="/")
 
 
@@ -72,6 +82,81 @@ def _facts(request: Request, who: Principal) -> models.SessionFacts:
         csrf=who.csrf or None,
         may_stop=who.role >= stopping_role(panel_of(request)),
     )
+
+
+# ---- the own password, and the sessions that are open
+
+
+@router.post("/session/confirm", status_code=204, dependencies=[needs(Role.VIEW)], responses=AGAIN)
+async def confirm(request: Request, body: models.Confirm) -> None:
+    """Give the password again: for two minutes users and tokens may be changed by this session."""
+    await _confirmed(request, body.password)
+
+
+@router.put("/session/password", dependencies=[needs(Role.VIEW)], responses=AGAIN)
+async def own_password(request: Request, response: Response, body: models.OwnPassword) -> models.SessionFacts:
+    """Another password of one's own; it asks for the old one. All other sessions of the user end."""
+    user = await _confirmed(request, body.old)
+    panel = panel_of(request)
+    check_password(body.password, user.name)
+    hashed = await panel.users.hash(body.password)
+    await asyncio.to_thread(panel.store.users.set, user.name, hashed, user.role)
+    await asyncio.to_thread(panel.users.refresh)
+    cookie, who = panel.users.begin(user.name, Role.named(user.role))
+    await asyncio.to_thread(panel.users.write_sessions)
+    _set_cookie(request, response, cookie)
+    return _facts(request, who)
+
+
+async def _confirmed(request: Request, password: str) -> User:
+    """Raises Refusal 403 for another password, 409 for who is in no session."""
+    panel, who = panel_of(request), await principal(request)
+    if who.how != "session":
+        raise Refusal.of(409, "log_in", "no_session", name=who.name)
+    try:
+        return await panel.users.confirm(cookie_of(request), who.name, password, address(request))
+    except Refusal as refusal:
+        note_refused(request, who.name, "password", refusal)
+        raise
+
+
+def check_password(password: str, name: str) -> None:
+    """Raises Refusal 422 for one that anybody tries first."""
+    if (why := passwords.check(password, [name])) is not None:
+        raise Refusal(422, "password", why)
+
+
+@router.get("/sessions", dependencies=[needs(Role.VIEW)], responses=documented(401, 403))
+async def sessions(request: Request) -> models.SessionList:
+    """The sessions that are open: one's own, for who sets up all of them."""
+    own = cookie_of(request)
+    rows = [
+        models.OpenSession(
+            id=name, user=one.user, began_s=one.began_s, seen_s=one.seen_s, mine=name == name_of(sha256(own))
+        )
+        for name, one in await _visible(request)
+    ]
+    return models.SessionList(sessions=rows)
+
+
+@router.delete(
+    "/sessions/{name}",
+    status_code=204,
+    dependencies=[needs(Role.VIEW)],
+    responses=documented(401, 403, 404, 422, 503),
+)
+async def end_session(request: Request, name: SessionName) -> None:
+    """End one; whose it is has to log in again."""
+    if name not in [known for known, _ in await _visible(request)]:
+        raise Refusal.of(404, "missing", "missing", what=Key("what.session"), name=name)
+    await asyncio.to_thread(panel_of(request).users.end_session, name)
+
+
+async def _visible(request: Request) -> list[tuple[str, Session]]:
+    """Sessions that who asks may see, and end."""
+    who = await principal(request)
+    found = panel_of(request).users.sessions()
+    return [(name, one) for name, one in found if who.role >= Role.SET_UP or one.user == who.name]
 
 
 # ---- the control token

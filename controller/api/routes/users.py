@@ -14,12 +14,13 @@ from controller.api.answers import Refusal, documented
 from controller.api.app_state import Panel
 from controller.api.roles import Role
 from controller.api.routes.records import Before, Most, before
+from controller.api.routes.session import check_password
 from controller.api.users import new_token
 from controller.messages import Key
 
 router = APIRouter(tags=["users"])
 Name = Annotated[str, Path(pattern=r"^[A-Za-z0-9_.@-]{1,40}$")]
-GUARD = [needs(Role.SET_UP)]
+GUARD, AGAIN = [needs(Role.SET_UP)], [needs(Role.SET_UP, again=True)]
 CHANGES = documented(401, 403, 404, 409, 422)
 
 
@@ -32,7 +33,7 @@ async def users(request: Request) -> models.UserList:
     )
 
 
-@router.post("/users", status_code=201, dependencies=GUARD, responses=documented(401, 403, 409, 422))
+@router.post("/users", status_code=201, dependencies=AGAIN, responses=documented(401, 403, 409, 422))
 async def add_user(request: Request, body: models.NewUser) -> models.UserFacts:
     """Add a user; the first one is added at the command line."""
     panel = panel_of(request)
@@ -43,11 +44,12 @@ async def add_user(request: Request, body: models.NewUser) -> models.UserFacts:
         # From the first user on everybody has to log in: whoever made it would own the machine, and
         # without users any program on this computer could be who.
         raise Refusal.of(409, "role", "first_user")
+    check_password(body.password, body.name)
     await _set(panel, body.name, await panel.users.hash(body.password), body.role)
     return models.UserFacts(name=body.name, role=body.role)
 
 
-@router.patch("/users/{name}", dependencies=GUARD, responses=CHANGES)
+@router.patch("/users/{name}", dependencies=AGAIN, responses=CHANGES)
 async def change_user(request: Request, name: Name, body: models.UserChange) -> models.UserFacts:
     """Another password, another role; the user's sessions end."""
     panel = panel_of(request)
@@ -56,12 +58,14 @@ async def change_user(request: Request, name: Name, body: models.UserChange) -> 
         raise Refusal.of(404, "missing", "missing", what=Key("what.user"), name=name)
     role = body.role or Role.named(row.role).label
     await _not_the_last(panel, name, role == "set_up")
+    if body.password is not None:
+        check_password(body.password, name)
     password = row.password if body.password is None else await panel.users.hash(body.password)
     await _set(panel, name, password, role)
     return models.UserFacts(name=name, role=role)
 
 
-@router.delete("/users/{name}", status_code=204, dependencies=GUARD, responses=CHANGES)
+@router.delete("/users/{name}", status_code=204, dependencies=AGAIN, responses=CHANGES)
 async def remove_user(request: Request, name: Name) -> None:
     """Remove a user; the sessions end."""
     panel = panel_of(request)
@@ -98,7 +102,7 @@ async def tokens(request: Request) -> models.TokenList:
     return models.TokenList(tokens=[models.TokenFacts(**asdict(row)) for row in rows])
 
 
-@router.post("/tokens", status_code=201, dependencies=GUARD, responses=documented(401, 403, 409, 422))
+@router.post("/tokens", status_code=201, dependencies=AGAIN, responses=documented(401, 403, 409, 422))
 async def add_token(request: Request, body: models.NewToken) -> models.MadeToken:
     """Make a token for a script; it is told only once."""
     panel, who = panel_of(request), await principal(request)
@@ -109,7 +113,7 @@ async def add_token(request: Request, body: models.NewToken) -> models.MadeToken
     return models.MadeToken(name=body.name, role=body.role, token=token, expires_s=expires_s)
 
 
-@router.delete("/tokens/{name}", status_code=204, dependencies=GUARD, responses=CHANGES)
+@router.delete("/tokens/{name}", status_code=204, dependencies=AGAIN, responses=CHANGES)
 async def remove_token(request: Request, name: Name) -> None:
     """Its script is refused from now on."""
     panel = panel_of(request)

@@ -2,8 +2,8 @@
 
 A round tool stands by five numbers: X Y Z and two angles that tell the direction of its axis. The angles are
 a *pair* of rotaries, first and second, and a motion carries these five whatever machine it is made for.
-``order`` says which of them each axis of the machine is. One that no axis makes stands still at 0; a machine
-with an axis more than five makes one of them with two, by a rule of its own in ``arrange`` and ``spread``.
+``order`` says which of them each axis of the machine is. One that no axis makes stands still at 0. Five
+interpolated joints are the most (``MAX_AXES``): no axis stands beside another that does the same.
 """
 
 from __future__ import annotations

@@ -27,8 +27,6 @@ from controller.geometry.vectors import (
     Number,
     Pose,
     Vector,
-    X,
-    Y,
     Z,
     add,
     angle_between,
@@ -63,7 +61,6 @@ class TwoRotaries(Kinematics):
 
     def __init__(self, machine: Machine) -> None:
         super().__init__(machine)
-        self._check_linear(machine)
         first, second = machine.rotary()
         self._tables: list[tuple[int, Line]] = []  # (0 or 1 of the rotary pair, line), base to work
         self._heads: list[tuple[int, Line]] = []  # likewise, base to tool
@@ -78,13 +75,6 @@ class TwoRotaries(Kinematics):
         (i2, near_work, self._sign2), (_, near_tool, self._sign1) = chain
         self._work_first = i2 == 0
         self._prepare(near_work.direction, near_tool.direction, machine.name)
-
-    @staticmethod
-    def _check_linear(machine: Machine) -> None:
-        for index, direction in zip(machine.linear(), (X, Y, Z), strict=True):
-            axis = machine.axes[index]
-            if norm(subtract(unit(axis.direction), direction)) > 1e-12:
-                raise ValueError(f"Machine {machine.name}: axis {axis.name} must point along +{axis.name}.")
 
     def _prepare(self, w2: Vector, w1: Vector, name: str) -> None:
         """The constants of the closed form; ValueError for a pair that has none."""

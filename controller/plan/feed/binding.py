@@ -26,12 +26,13 @@ import numpy.typing as npt
 from controller.ipc.handoff import Law
 from controller.plan.feed import tool_limits
 from controller.plan.feed.course import FeedCourse
-from controller.plan.feed.law import along
+from controller.plan.feed.law import along_each
 from controller.plan.surfaces.rates import Derivatives
 from controller.state.modes import Binding, axis_binding
 
 Array = npt.NDArray[np.float64]
 Codes = npt.NDArray[np.int64]
+Index = npt.NDArray[np.intp]
 Laws = Sequence[tuple[int, Law]]  # (index of the stretch in the course, its law)
 Marks = tuple[tuple[float, int], ...]  # (time within a piece, code from then on)
 
@@ -50,6 +51,7 @@ class Span(NamedTuple):
     law: Law
     from_s: float
     to_s: float
+    stands_s: float = 0.0  # behind it
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +60,7 @@ class Motion:
 
     windows: tuple[int, ...]  # of each span
     per_window: int
+    index: Index  # (N,) of the stretches
     dt: Array  # (N,) the time that a moment stands for
     s: Array
     v: Array
@@ -86,12 +89,13 @@ def moments(
     course: FeedCourse, row: Sequence[Span], per_window: int = PER_WINDOW, counts: Sequence[int] | None = None
 ) -> Motion:
     """``per_window`` moments in each window of each span; ``counts`` windows instead of their own number."""
-    counts, parts = [windows(span) for span in row] if counts is None else counts, []
-    for span, n in zip(row, counts, strict=True):
-        dt, t = (span.to_s - span.from_s) / max(1, n * per_window), middles(span, n * per_window)
-        s, v, a, j = along(span.law, t)
-        parts.append((np.full(len(t), dt), s + course.zeros[span.stretch], v, a, j))
-    return Motion(tuple(counts), per_window, *(np.concatenate(p) for p in zip(*parts, strict=True)))
+    counts = [windows(span) for span in row] if counts is None else counts
+    many = per_window * np.array(counts)
+    index = np.repeat([span.stretch for span in row], many)
+    dt = np.repeat([span.to_s - span.from_s for span in row] / np.maximum(many, 1), many)
+    times = [middles(span, n) for span, n in zip(row, many.tolist(), strict=True)]
+    s, v, a, j = along_each([span.law for span in row], times)
+    return Motion(tuple(counts), per_window, index, dt, s + course.zeros[index], v, a, j)
 
 
 def used(motion: Motion, d: Derivatives) -> Array:
@@ -102,25 +106,25 @@ def used(motion: Motion, d: Derivatives) -> Array:
 
 def codes(course: FeedCourse, motion: Motion, use: Array) -> Codes:
     """What binds at each moment, (N,); ``use`` is what ``used`` gives."""
-    s = motion.s
-    may = np.stack([course.limit(s, which) for which in ("velocity", "acceleration", "jerk")], axis=2)
+    s, index = motion.s, motion.index
+    may = np.stack([course.limit(s, which, index) for which in ("velocity", "acceleration", "jerk")], axis=2)
     share = (use / may).reshape(len(s), -1)
     most = share.argmax(axis=1)
     bound = share[np.arange(len(s)), most] >= BOUND
     found: Codes = np.where(bound, Binding.AXIS + most, Binding.NOTHING)
     found = _by_tool(course, motion, found)
     found[_corners(course, motion)] = Binding.CORNER
-    found[motion.v >= AT_FEED * course.feed(s)] = Binding.FEED
+    found[motion.v >= AT_FEED * course.feed(s, index)] = Binding.FEED
     return found
 
 
 def _by_tool(course: FeedCourse, motion: Motion, found: Codes) -> Codes:
     """The codes with the limits on the tip's acceleration and the axis' turning, where there are such."""
-    machine, index = course.machine, course.index(motion.s)
+    machine, index = course.machine, motion.index
     rates = tool_limits.rates_in(course, motion.s, index)
     if rates is None:
         return found
-    rapid = np.isinf(course.feed(motion.s))
+    rapid = np.isinf(course.feed(motion.s, index))
     if machine.tip_acceleration_mm_s2 is not None:
         asked = rates.tip_acceleration(motion.v, motion.a)
         found = np.where(
@@ -165,7 +169,7 @@ def marks(course: FeedCourse, laws: Laws) -> list[Marks]:
     least (a shorter piece is one window).
     """
     motion = moments(course, spans(laws))
-    use = used(motion, course.derivatives(motion.s))
+    use = used(motion, course.derivatives(motion.s, motion.index))
     window_codes = shown(motion, codes(course, motion, use))
     found, first = [], 0
     for (_, law), n in zip(laws, motion.windows, strict=True):

@@ -62,7 +62,7 @@ class Grid:
         begin = n + len(sides)
         inner = tuple(_part(d, slice(begin + k * n, begin + (k + 1) * n)) for k in range(len(INNER)))
         tool: tuple[ToolRates, ...] = ()
-        if tool_limits.has_limits(parts.course):
+        if tool_limits.has_limits(parts.course.machine):
             shares = (1e-9, *INNER, 1.0 - 1e-9)
             tool = tuple(
                 tool_limits.rates(parts.course, s[:-1] + x * width, parts.index[part]) for x in shares

@@ -141,14 +141,19 @@ class FeedCourse:
             found[here] = stretch.feed_at(local) * stretch.scale(*self._scales)
         return found
 
+    def tip_rate(self, s: Array, index: Index) -> Array:
+        """As ``Stretch.tip_rate`` at the places ``s`` (N,) of the stretches ``index``."""
+        found = np.ones(len(s))
+        for k, stretch in enumerate(self.stretches):
+            if isinstance(stretch.motion, ToolLine | ToolSpline) and (here := index == k).any():
+                found[here] = stretch.tip_rate(np.clip(s[here] - self.zeros[k], 0.0, stretch.motion.end))
+        return found
+
     @cached_property
     def _even_feeds(self) -> Array:
         """Of each stretch the feed that ``feed`` tells anywhere on it; nan where it is not one."""
-        found = np.full(len(self.stretches), math.nan)
-        for k, stretch in enumerate(self.stretches):
-            if not isinstance(stretch.motion, ToolSpline) and not stretch.feed_steps and not stretch.turning:
-                found[k] = stretch.feed_at(np.zeros(1))[0] * stretch.scale(*self._scales)
-        return found
+        feeds = [(stretch.even_feed, stretch.scale(*self._scales)) for stretch in self.stretches]
+        return np.array([math.nan if feed is None else feed * scale for feed, scale in feeds])
 
     @cached_property
     def marks(self) -> Array:
@@ -248,6 +253,14 @@ class FeedCourse:
                 np.abs(right.first[0] - left.first[1]), np.abs(right.second[0] - left.second[1])
             )
         return self._jumps[k]
+
+
+class Rests(FeedCourse):
+    """Stretches each from rest to rest: no boundary is passed in motion."""
+
+    @property
+    def junctions(self) -> tuple[float, ...]:
+        return (math.inf,) * (len(self.stretches) - 1)
 
 
 def _along_thread(limits: JointLimits, move: ThreadMove, course: FeedCourse) -> JointLimits:

@@ -40,7 +40,7 @@ REACH = 1.1  # times a ramp's first length: it is looked at as far
 def law(course: FeedCourse, s: float, v: float, a: float, last: float) -> Law | None:
     """From ``s``, at rest or at the feed, to rest at ``last``; None where more than the feed counts."""
     parts = mesh.Parts.of(course, s, last)
-    if len(parts.index) != 1 or a != 0.0 or has_limits(course):
+    if len(parts.index) != 1 or a != 0.0 or has_limits(course.machine):
         return None
     feed = float(parts.feed(np.array([s]), np.zeros(1, dtype=np.intp))[0])
     if not math.isfinite(feed) or v not in (0.0, feed):

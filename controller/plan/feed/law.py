@@ -151,9 +151,22 @@ def sampled(law: Law, per_piece: int = 8, even_step_s: float = 0.02) -> tuple[Ar
 
 def along(law: Law, times: Array) -> tuple[Array, Array, Array, Array]:
     """s, ds/dt and the two further derivatives of a law of cubics at many times at once."""
-    knots, c = np.array(law.knots_s), np.array(law.coefficients)
-    index = np.clip(np.searchsorted(knots, times, side="right") - 1, 0, len(c) - 1)
-    x, row = times - knots[index], c[index].T
+    return along_each([law], [times])
+
+
+def along_each(laws: Sequence[Law], times: Sequence[Array]) -> tuple[Array, Array, Array, Array]:
+    """The same of many laws, each at its own ``times``, one after the other."""
+    knots = np.array([t for law in laws for t in law.knots_s])
+    index, first = [], 0
+    for k, (law, of) in enumerate(zip(laws, times, strict=True)):
+        last = first + len(law.coefficients) - 1
+        inner = knots[first + k + 1 : last + k + 1]
+        index.append(first + inner.searchsorted(of, side="right"))
+        first = last + 1
+    at = np.concatenate(index)
+    begins = np.array([t for law in laws for t in law.knots_s[:-1]])
+    row = np.array([c for law in laws for c in law.coefficients])[at].T
+    x = np.concatenate(times) - begins[at]
     s = row[0] + x * (row[1] + x * (row[2] + x * row[3]))
     v = row[1] + x * (2 * row[2] + x * 3 * row[3])
     return s, v, 2 * row[2] + x * 6 * row[3], 6 * row[3]

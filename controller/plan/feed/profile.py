@@ -24,11 +24,12 @@ from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine
 from controller.motion.motions import JointMove
 from controller.plan.feed import cruise, row_law, search, ticked
-from controller.plan.feed.course import FeedCourse, least_passed, unhindered
+from controller.plan.feed.course import FeedCourse, Index, least_passed, unhindered
 from controller.plan.feed.law import split, straight
-from controller.plan.feed.tool_limits import has_limits
-from controller.plan.junctions import STOP_SHARE
+from controller.plan.feed.tool_limits import goes_straight, has_limits
+from controller.plan.junctions import MARGIN, STOP_SHARE
 from controller.plan.stretch import Stretch
+from controller.plan.surfaces.rates import Derivatives
 
 Array = npt.NDArray[np.float64]
 Run = tuple[Stretch, ...]
@@ -198,17 +199,16 @@ def _straight(course: FeedCourse, first: float, last: float) -> Profile | None:
     So it is on a line, and on a pivot about a joint of some hundredths of a degree.
     """
     ends = course.index(np.array([first, last - 1e-12 * last]))
-    move = course.stretches[ends[0]].motion
-    if has_limits(course) and course.stretches[ends[0]].feed_mm_s is not None:
+    stretch = course.stretches[ends[0]]
+    if ends[0] != ends[1] or not _is_even(stretch, course.machine):
         return None
-    if ends[0] != ends[1] or not isinstance(move, JointMove) or len(course.stretches[ends[0]].feed_steps) > 1:
-        return None
-    places = np.linspace(first, last, 1 if isinstance(move.curve, Line) else PLACES)
-    d, limits = course.derivatives(places, np.full(len(places), ends[0])), course.limits[ends[0]]
-    rate, bend, twist = (np.abs(q).max(axis=0) + 1e-30 for q in (d.first, d.second, d.third))
-    velocity = min(float(course.feed(places[:1], ends[:1])[0]), float((limits.velocity / rate).min()))
-    acceleration, jerk = float((limits.acceleration / rate).min()), float((limits.jerk / rate).min())
+    places = np.linspace(first, last, 1 if is_straight(stretch, course.machine) else PLACES)
+    index, limits = np.full(len(places), ends[0]), course.limits[ends[0]]
+    d = course.derivatives(places, index)
+    velocity, acceleration, jerk = (float(one.min()) for one in _most(course, d, index))
+    velocity = min(float(course.feed(places[:1], ends[:1])[0]), velocity)
     if len(places) > 1:
+        bend, twist = (np.abs(q).max(axis=0) + 1e-30 for q in (d.second, d.third))
         # From rest to rest over l: v^2 is at most a l, 3 v a at most j l, and v^3 at most j l^2 / 4.
         length = last - first
         bends = float((bend / limits.acceleration).max()) * acceleration * length
@@ -220,6 +220,44 @@ def _straight(course: FeedCourse, first: float, last: float) -> Profile | None:
     pieces = np.array(law.coefficients)
     pieces[:, 0] += first
     return Profile(np.array(law.knots_s), pieces)
+
+
+def straights(course: FeedCourse) -> list[Law]:
+    """The closed forms of a row of straight stretches, each from rest to rest as if it were alone."""
+    index, lengths = np.arange(len(course.stretches)), [one.motion.end for one in course.stretches]
+    velocity, *others = _most(course, course.derivatives(course.zeros, index), index)
+    velocity = np.minimum(course.feed(course.zeros, index), velocity)
+    rows = zip(lengths, *(row.tolist() for row in (velocity, *others)), strict=True)
+    return [straight(*row) for row in rows]
+
+
+def is_straight(stretch: Stretch, machine: Machine) -> bool:
+    """Whether its closed form is known without a look at its way."""
+    motion = stretch.motion
+    return _is_even(stretch, machine) and isinstance(motion, JointMove) and isinstance(motion.curve, Line)
+
+
+def _is_even(stretch: Stretch, machine: Machine) -> bool:
+    """Whether one feed holds for a motion whose rotaries turn evenly, and of the tool's limits at most one.
+
+    Where the rotaries stand the tip goes as X Y Z do: on a straight way its acceleration is that of s.
+    """
+    if not isinstance(stretch.motion, JointMove) or len(stretch.feed_steps) > 1:
+        return False
+    return stretch.feed_mm_s is None or not has_limits(machine) or goes_straight(stretch.motion)
+
+
+def _most(course: FeedCourse, d: Derivatives, index: Index) -> list[Array]:
+    """Velocity, acceleration and jerk along the stretches ``index`` that the limits allow, (N,) each."""
+    rates = np.abs(d.first) + 1e-30
+    limits = [
+        course.limit(course.zeros[index], which, index) for which in ("velocity", "acceleration", "jerk")
+    ]
+    velocity, acceleration, jerk = (np.asarray((limit / rates).min(axis=1)) for limit in limits)
+    if (most := course.machine.tip_acceleration_mm_s2) is not None:
+        fed = np.array([course.stretches[k].feed_mm_s is not None for k in index.tolist()])
+        acceleration = np.where(fed, np.minimum(acceleration, MARGIN * most), acceleration)
+    return [velocity, acceleration, jerk]
 
 
 def split_at_stops(

@@ -113,13 +113,13 @@ class Search:
         """None where the state of motion cannot be continued; from rest there is always a law."""
         speed = mesh.estimate(self.parts, self.samples, self.v, self.a)
         step_s = COARSE * self._step(speed)
-        bounds = self._bounds(speed, step_s)
+        estimated, knots = speed, self._knots_about(speed, step_s)
         smooth = mesh.smoothed(self.samples, speed, self.a, SMOOTHING * step_s)
         speed = np.minimum(smooth, speed) if self.from_rest else smooth
-        is_row = len(bounds.grid.s) > MAX_KNOTS
-        found = self._of_row(speed) if is_row else self._sought(bounds, speed)
+        bounds = self._bounds_at(*knots, estimated) if len(knots[0]) <= MAX_KNOTS else None
+        found = self._of_row(speed) if bounds is None else self._sought(bounds, speed)
         if found is None and self._has_start:
-            found = self._sought(bounds, speed, slowly=True)
+            found = self._sought(bounds or self._bounds_at(*knots, estimated), speed, slowly=True)
         return self._careful() if found is None and self.from_rest else found
 
     def _sought(self, bounds: Bounds, speed: Array, slowly: bool = False) -> Law | None:
@@ -247,11 +247,18 @@ class Search:
         return float((self.samples.acceleration / self.samples.jerk).min())
 
     def _bounds(self, speed: Array, step_s: float) -> Bounds:
-        s, part = self._knots(speed, step_s)
-        if len(s) > MAX_KNOTS:  # marks are knots whatever comes: where these are most of them, little is won
-            s, part = self._knots(speed, step_s * min(len(s) / MAX_KNOTS, WIDEST))
+        return self._bounds_at(*self._knots_about(speed, step_s), speed)
+
+    def _bounds_at(self, s: Array, part: Index, speed: Array) -> Bounds:
         about = np.interp(s, self.samples.s, speed)
         return Bounds(Grid.of(self.parts, s, part, self.from_rest), about)
+
+    def _knots_about(self, speed: Array, step_s: float) -> tuple[Array, Index]:
+        """As ``_knots``, and if there are many, further apart."""
+        found = self._knots(speed, step_s)
+        if (count := len(found[0])) > MAX_KNOTS:  # marks are knots: where these are most, little is won
+            found = self._knots(speed, step_s * min(count / MAX_KNOTS, WIDEST))
+        return found
 
     def _knots(self, speed: Array, step_s: float) -> tuple[Array, Index]:
         return mesh.knots(self.samples, speed, step_s)

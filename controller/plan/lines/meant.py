@@ -29,7 +29,7 @@ Array = npt.NDArray[np.float64]
 Bools = npt.NDArray[np.bool_]
 Line = JointLine | TipLine
 
-FIRST = 2  # lines after which the corners are looked at, and twice as many each time that none is meant
+FIRST, MOST = 2, 16  # lines after which the corners are looked at: at first, and twice as many each time
 EVEN = 1e-9  # of a line's way and turn: two that go on alike run through exactly
 
 
@@ -112,7 +112,8 @@ class Waiting:
         if taken or final:
             self._at = ats[taken] if in_row else None
         self._blocks = blocks[taken:]
-        self._look = rows.WINDOW if in_row else min(max(2 * len(self._blocks), FIRST), rows.WINDOW)
+        more = max(min(2 * self._look, MOST), 2 * len(self._blocks))
+        self._look = rows.WINDOW if in_row else min(more, rows.WINDOW)
         return found
 
     # ---- corners -----------------------------------------------------------------------

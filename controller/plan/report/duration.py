@@ -35,6 +35,8 @@ def _least_s(stretch: Stretch, machine: Machine) -> float:
     turned_s = max(abs(b - a) / (axis.limits.velocity * share) for a, b, axis in ways)
     if stretch.feed_mm_s is None:
         return turned_s
+    if (feed := stretch.even_feed) is not None:
+        return max(turned_s, stretch.motion.end / feed)
     starts = np.array([0.0, *(s for s, _ in stretch.feed_steps if 0.0 < s < stretch.motion.end)])
     lengths = np.diff(starts, append=stretch.motion.end)
     return max(turned_s, float((lengths / stretch.feed_at(starts)).sum()))

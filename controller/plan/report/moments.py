@@ -12,6 +12,7 @@ no share is wrong by more than that between two moments, as far as what happens 
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
@@ -23,9 +24,9 @@ from controller.geometry.arrays import distinct
 from controller.geometry.curves import Arc, Even, Line
 from controller.motion.motions import JointMove
 from controller.plan.feed import binding, mesh
-from controller.plan.feed.binding import SHOWN_S, Motion, Span
+from controller.plan.feed.binding import NUMBER_OF_CODES, SHOWN_S, Codes, Motion, Span
 from controller.plan.feed.course import FeedCourse
-from controller.plan.feed.law import along
+from controller.plan.feed.law import along, along_each
 from controller.plan.stretch import Stretch
 
 Array = npt.NDArray[np.float64]
@@ -44,6 +45,49 @@ class Look(NamedTuple):
     windows: int
 
 
+class Windows(NamedTuple):
+    """Windows of the display, one after the other: seconds, millimetres of the tip and what binds."""
+
+    dt: list[float]
+    ds: list[float]
+    codes: list[int]
+
+
+class Sums:
+    """What the moments of a row come to, a row of each list for each look."""
+
+    def __init__(
+        self, row: Sequence[Look], motion: Motion, found: Codes, ratio: Array, rate: Array, feed: Array
+    ) -> None:
+        """Code, shares of limits, ``rate`` of the tip and programmed ``feed`` of each moment."""
+        counts = motion.per_window * np.array(motion.windows)
+        firsts = np.cumsum(counts) - counts
+        self.first = firsts.tolist()
+        codes = np.repeat(np.arange(len(row)), counts) * NUMBER_OF_CODES + found
+        self.seconds = np.bincount(codes, motion.dt, len(row) * NUMBER_OF_CODES).reshape(len(row), -1)
+        self.ratio = np.maximum.reduceat(ratio, firsts, axis=0)
+        self.fastest = np.maximum.reduceat(rate * motion.v, firsts).tolist()
+        most, least = np.maximum.reduceat(rate * feed, firsts), np.minimum.reduceat(rate * feed, firsts)
+        self.feeds = list(zip(least.tolist(), most.tolist(), strict=True))
+        ends = [_ends(look) for look in row]
+        s = along_each([look.span.law for look in row], [np.array(times) for times in ends])[0]
+        ways = np.delete(np.diff(s), np.cumsum(motion.windows)[:-1] + np.arange(len(row) - 1))
+        tip_mm = (rate.reshape(-1, motion.per_window).mean(axis=1) * ways).tolist()
+        shown, first = binding.shown(motion, found).tolist(), 0
+        self.windows: list[Windows] = []
+        for look, times in zip(row, ends, strict=True):
+            here = slice(first, first := first + look.windows)
+            lasts = [after - before for before, after in itertools.pairwise(times)]
+            self.windows.append(Windows(lasts, tip_mm[here], shown[here]))
+
+
+def _ends(look: Look) -> list[float]:
+    """Of its windows, in the time of its law."""
+    span, n = look
+    step_s = (span.to_s - span.from_s) / n
+    return [*(k * step_s + span.from_s for k in range(n)), span.to_s]
+
+
 def of(course: FeedCourse, row: Sequence[Look]) -> Motion:
     """The moments of a row."""
     return binding.moments(course, [one.span for one in row], PER_WINDOW, [one.windows for one in row])
@@ -52,11 +96,13 @@ def of(course: FeedCourse, row: Sequence[Look]) -> Motion:
 def rows(course: FeedCourse, spans: Sequence[Span], limits: Array) -> Iterator[list[Look]]:
     """All that is to be looked at, in order; ``limits`` (axes, 3) of the joints."""
     row: list[Look] = []
+    windows = 0
     for look in _looks(course, spans, limits):
         row.append(look)
-        if sum(one.windows for one in row) >= MAX_WINDOWS:
+        windows += look.windows
+        if windows >= MAX_WINDOWS:
             yield row
-            row = []
+            row, windows = [], 0
     if row:
         yield row
 
@@ -67,7 +113,8 @@ def _looks(course: FeedCourse, spans: Sequence[Span], limits: Array) -> Iterator
         for part, even in _cut(span):
             own = binding.windows(part)
             n = min(own, _places(course, part)) if even else own
-            many = _even(course, Look(part, n), limits) if even else iter([Look(part, n)])
+            changes = even and not _is_even(course.stretches[span.stretch])
+            many = _even(course, Look(part, n), limits) if changes else iter([Look(part, n)])
             for look in many:
                 yield from _slices(look)
 
@@ -83,7 +130,8 @@ def _slices(look: Look) -> Iterator[Look]:
 
 
 def _part(span: Span, from_s: float, to_s: float) -> Span:
-    return span._replace(from_s=float(from_s), to_s=float(to_s))
+    stands_s = span.stands_s if to_s >= span.to_s else 0.0
+    return span._replace(from_s=float(from_s), to_s=float(to_s), stands_s=stands_s)
 
 
 def _cut(span: Span) -> Iterator[tuple[Span, bool]]:
@@ -117,6 +165,12 @@ def _moments(stretch: Stretch, length: float) -> float:
     return max(length / mesh.SPACING, mesh.SAMPLES[0] * length / motion.end)
 
 
+def _is_even(stretch: Stretch) -> bool:
+    """Whether the shares of all limits are the same anywhere on it at an even speed."""
+    motion = stretch.motion
+    return isinstance(motion, JointMove) and isinstance(motion.curve, Line) and stretch.even_feed is not None
+
+
 def _even(course: FeedCourse, look: Look, limits: Array) -> Iterator[Look]:
     """A look cut into more and closer windows where the joints' shares change."""
     span, n = look
@@ -124,9 +178,9 @@ def _even(course: FeedCourse, look: Look, limits: Array) -> Iterator[Look]:
         yield look
         return
     motion = of(course, [look])
-    share = binding.used(motion, course.derivatives(motion.s)) / limits
+    share = binding.used(motion, course.derivatives(motion.s, motion.index)) / limits
     change = np.ptp(share.reshape(n, PER_WINDOW, -1), axis=1).max(axis=1)
-    feed = course.feed(motion.s).reshape(n, PER_WINDOW)
+    feed = course.feed(motion.s, motion.index).reshape(n, PER_WINDOW)
     rough = (change > CHANGE) | (feed != feed[:, :1]).any(axis=1)
     ends = np.linspace(span.from_s, span.to_s, n + 1)
     cuts = distinct(np.concatenate([[0, n], np.flatnonzero(np.diff(rough)) + 1]))

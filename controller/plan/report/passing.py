@@ -19,15 +19,18 @@ from bisect import bisect_right
 from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
+import numpy.typing as npt
 
 from controller.plan.feed.binding import Span
 from controller.plan.feed.course import FeedCourse
-from controller.plan.feed.law import along
+from controller.plan.feed.law import along_each
 from controller.plan.report.planned import Planned
 from controller.plan.restart.program_position import LinePart, lines_along, part_at
 from controller.plan.stretch import Chain, Pause, Stretch, Wait
 from controller.plan.timetable import MAX_EVENTS, Event, Passed, event_of
 from controller.plan.waits import OPTIONAL
+
+Array = npt.NDArray[np.float64]
 
 MAX_MARKS = 4000  # marks
 APART_S = 0.02  # of two marks inside of a window ...
@@ -90,15 +93,18 @@ class Passing:
         self._now_s += sent.took_s
 
     def _spans(self, course: FeedCourse, spans: Sequence[Span]) -> None:
-        now_s = self._now_s
-        for span in spans:
+        now_s, first = self._now_s, 0
+        times = [_times(span) for span in spans]
+        places = along_each([span.law for span in spans], times)[0].tolist()
+        for span, of in zip(spans, times, strict=True):
             stretch, parts = self._of(course.stretches[span.stretch])
+            here = slice(first, first := first + len(of))
             took_s = span.to_s - span.from_s
-            times = np.linspace(span.from_s, span.to_s, 2 + min(MAX_INSIDE, int(took_s / APART_S)))
-            for s, at_s in zip(along(span.law, times)[0].tolist(), times.tolist(), strict=True):
-                part, fraction = part_at(parts, s)
-                self._mark(place_of(stretch.name, part.order, fraction, s), now_s + at_s - span.from_s)
-            now_s += took_s
+            if not self.marks or now_s + took_s >= self.marks[-1][1] + self._apart_s:
+                for s, at_s in zip(places[here], of.tolist(), strict=True):
+                    part, fraction = part_at(parts, s)
+                    self._mark(place_of(stretch.name, part.order, fraction, s), now_s + at_s - span.from_s)
+            now_s += took_s + span.stands_s
 
     def _of(self, stretch: Stretch) -> tuple[Stretch, tuple[LinePart, ...]]:
         """What lies behind it is forgotten."""
@@ -113,6 +119,12 @@ class Passing:
         if len(self.marks) > MAX_MARKS:
             self._apart_s = max(2.0 * self._apart_s, 2.0 * now_s / MAX_MARKS)
             self.marks = self.marks[::2]
+
+
+def _times(span: Span) -> Array:
+    """In the time of its law, at which it is looked at."""
+    inside = min(MAX_INSIDE, int((span.to_s - span.from_s) / APART_S))
+    return np.linspace(span.from_s, span.to_s, 2 + inside)
 
 
 def passed_s(marks: Sequence[Mark], place: Passed) -> float:

@@ -12,18 +12,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine
-from controller.plan.feed import cruise, mesh, pace
+from controller.plan.feed import cruise, mesh, pace, profile
 from controller.plan.feed.binding import Laws, Marks, Span
-from controller.plan.feed.course import FeedCourse
+from controller.plan.feed.course import FeedCourse, Rests
 from controller.plan.feed.profile import Profile
-from controller.plan.look_ahead import WHOLE_SHARE, WINDOW_S, Orders, Place, Sent, Units, Windows
+from controller.plan.look_ahead import FIRST_S, WHOLE_SHARE, WINDOW_S, Orders, Place, Sent, Units, Windows
 from controller.plan.path.path import Chain, Pause
 from controller.plan.planner import RETRY_S
 from controller.plan.stretch import Stretch
@@ -31,6 +31,10 @@ from controller.plan.track import Track
 
 SIGHT = 2.0 * WHOLE_SHARE  # times a window of motion at the feed: none looks as far ahead
 FEWEST = 2  # windows that are rolled on at once
+FIRST_ROW, MAX_ROW = (
+    8,
+    256,
+)  # straight motions that are planned at once: at first, and twice as many each time
 FULL, START = Orders(), Place(0, 0.0)
 
 
@@ -48,12 +52,19 @@ def planned(items: Iterable[Chain | Pause], machine: Machine, kinematics: Kinema
 
     Raises ProgramError where the path is refused on the way.
     """
-    track = Track(items, machine, kinematics)
+    track = _Track(items, machine, kinematics)
     for sent in windows_along(track, machine, kinematics):
         yield _planned(track, sent)
         track.forget(sent.first)
     if track.error is not None:
         raise track.error
+
+
+class _Track(Track):
+    """A track on which nobody will go up over the part."""
+
+    def _note_top(self, what: Stretch | Pause) -> None:
+        pass
 
 
 def windows_along(
@@ -90,8 +101,53 @@ def windows_along(
         place, start_s = sent.after, sent.end_s
 
 
+@dataclass(frozen=True, slots=True)
+class Row(Sent):
+    """Straight motions, each from rest to rest in a window of its own, as one."""
+
+    spans: tuple[Span, ...] = ()
+
+
 class _Windows(Windows):
     """Windows that nobody will have to stop in, or to look at while they run."""
+
+    def __init__(self, machine: Machine, kinematics: Kinematics) -> None:
+        super().__init__(machine, kinematics)
+        self._many = FIRST_ROW
+
+    def from_rest(
+        self, track: Units, place: Place, start_s: float, orders: Orders, soon: bool = False
+    ) -> Sent | None:
+        """As of any; straight motions that rest are planned many at once."""
+        units = [] if place.s > 0.0 or orders.stop_inside else self._straights(track, place.unit, orders)
+        row = self._together(units, place.unit, start_s, orders) if len(units) > 1 else None
+        self._many = FIRST_ROW if row is None else min(max(2 * len(row.spans), FIRST_ROW), MAX_ROW)
+        return super().from_rest(track, place, start_s, orders, soon) if row is None else row
+
+    def _straights(self, track: Units, first: int, orders: Orders) -> list[Stretch]:
+        """Those that follow each other from a unit on."""
+        found: list[Stretch] = []
+        while len(found) < self._many and (unit := track.at(first + len(found))) is not None:
+            what = unit.what
+            if not isinstance(what, Stretch) or not unit.rests or unit.begin > 0.0 or unit.optional_stop:
+                break
+            if not profile.is_straight(what, self._machine) or what.scale(*orders.shares) <= 0.0:
+                break
+            found.append(what)
+        return found
+
+    def _together(self, stretches: list[Stretch], first: int, start_s: float, orders: Orders) -> Row | None:
+        """Those before the first that takes more than one window; None: there are none."""
+        course, spans, end_s = Rests(stretches, self._machine, self._kinematics, *orders.scales), [], start_s
+        for k, law in enumerate(profile.straights(course)):
+            if law.duration_s > WHOLE_SHARE * FIRST_S:
+                break
+            took_s = self._on_grid(law.duration_s)
+            spans.append(Span(k, law, 0.0, law.duration_s, took_s - law.duration_s))
+            end_s += took_s
+        after = Place(first + len(spans), 0.0)
+        row = Row(first, start_s, end_s, None, after, orders, (), course, spans=tuple(spans))
+        return row if spans else None
 
     def _stops(self, made: Sent) -> None:
         return None
@@ -102,14 +158,19 @@ class _Windows(Windows):
 
 def _planned(track: Track, sent: Sent) -> Planned:
     took_s = sent.end_s - sent.start_s
+    if isinstance(sent, Row):
+        return Planned(took_s, None, sent.course, list(sent.spans))
     if sent.course is None or sent.profile is None:
         unit = track.at(sent.first)
         return Planned(took_s, unit.what if unit and isinstance(unit.what, Pause) else None, None, [])
     spans, begin_s = [], 0.0
-    for k, law in sent.profile.laws(sent.course):
-        if begin_s < took_s:
+    for k, law in sent.laws:
+        if begin_s < took_s and law.duration_s > 0.0:
             spans.append(Span(k, law, 0.0, min(law.duration_s, took_s - begin_s)))
         begin_s += law.duration_s
+    moved_s = sum(span.to_s - span.from_s for span in spans)
+    if spans and moved_s < took_s:
+        spans[-1] = spans[-1]._replace(stands_s=took_s - moved_s)
     return Planned(took_s, None, sent.course, spans)
 
 
@@ -142,7 +203,8 @@ class _Rolling:
         long_s = count * step_s
         even = Profile(np.array([0.0, long_s + WINDOW_S]), np.array([[s, speed, 0.0, 0.0, 0.0, 0.0]]))
         end_s = sent.seam_s + long_s
-        return replace(sent, start_s=sent.seam_s, end_s=end_s, seam_s=end_s, profile=even, pieces=())
+        rolled = replace(sent, start_s=sent.seam_s, end_s=end_s, seam_s=end_s, pieces=())
+        return replace(rolled, profile=even, laws=even.laws(sent.course))
 
     def _until(self, stretch: Stretch, s: float, speed: float) -> float:
         """The first place of a stretch behind ``s`` at which anything but a feed of ``speed`` counts."""

@@ -39,7 +39,7 @@ class Setpoints:
 
     def __init__(self, course: FeedCourse, spans: Sequence[Span]) -> None:
         self._course, self._spans = course, spans
-        lasts = itertools.accumulate((one.to_s - one.from_s for one in spans), initial=0.0)
+        lasts = itertools.accumulate((one.to_s - one.from_s + one.stands_s for one in spans), initial=0.0)
         self._begins = np.array([*lasts][:-1])
         self._clocks = {one.stretch: t - one.from_s for one, t in zip(spans, self._begins, strict=True)}
 

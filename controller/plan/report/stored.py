@@ -109,7 +109,7 @@ def save(stored: Stored, name: str, where: Path) -> Path:
     try:
         with own_files.new(new, where.parent) as out:
             out.write(sealed_file.text(values, file.name).encode())
-            os.fchmod(out.fileno(), 0o640)  # the panel checks, and the service finds it: one group
+            os.fchmod(out.fileno(), 0o640)  # the group reads
         own_files.rename(new, file, where.parent)
     finally:
         own_files.remove(new, where.parent)
@@ -127,7 +127,7 @@ def load(name: str, where: Path) -> tuple[Stored | None, Message | str]:
     """The check of that name and "", or None and a warning; the warning is "" where there is none."""
     file = where / f"{name}.json"
     try:
-        values = sealed_file.read(file, within=where.parent, shared=True)
+        values = sealed_file.read(file, within=where.parent)
     except FileNotFoundError:
         return None, ""
     except (OSError, ValueError) as error:

@@ -18,20 +18,20 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from controller.geometry.curves import Line
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine
-from controller.motion.motions import SurfaceCut, ToolSpline
+from controller.motion.motions import JointMove, SurfaceCut, ToolSpline
 from controller.plan.feed import binding
 from controller.plan.feed.binding import Span
 from controller.plan.feed.course import FeedCourse
-from controller.plan.feed.law import along
 from controller.plan.path.path import Chain, Pause, Stretch, joints_along
 from controller.plan.report import moments, works
 from controller.plan.report.passing import Passing
 from controller.plan.report.planned import Planned, planned
 from controller.plan.report.setpoints import Setpoints
 from controller.plan.report.tally import Bound, Part, Tally, bounds
-from controller.plan.report.tool_use import Hole, ToolUse, ToolUses
+from controller.plan.report.tool_use import Hole, Places, ToolUse, ToolUses
 from controller.plan.restart.program_position import BESIDE
 from controller.plan.surfaces import rates
 from controller.plan.waits import laid
@@ -220,7 +220,7 @@ class _Look:
         if sent.pause is not None:
             self._pause(sent.pause, sent.took_s)
         elif sent.course is not None and sent.spans:
-            self._motion(sent.course, sent.spans, sent.took_s)
+            self._motion(sent.course, sent.spans)
 
     def _pause(self, pause: Pause, took_s: float) -> None:
         self._waits_s += pause.wait.seconds
@@ -239,7 +239,7 @@ class _Look:
             self._rest(tally, self._machine.period_s)
         self._marked = True
 
-    def _motion(self, course: FeedCourse, spans: Sequence[Span], took_s: float) -> None:
+    def _motion(self, course: FeedCourse, spans: Sequence[Span]) -> None:
         setpoints = Setpoints(course, spans)
         for row in moments.rows(course, spans, self._limits):
             self._moments(course, row, setpoints)
@@ -249,8 +249,6 @@ class _Look:
             if cutting and isinstance(motion, SurfaceCut) and motion is not self._last_cut:
                 self._cuts.append(motion.end)
                 self._last_cut = motion
-        moved_s = sum(span.to_s - span.from_s for span in spans)
-        self._rest(self._of(course.stretches[spans[-1].stretch]), took_s - moved_s)
 
     def _rest(self, tally: Tally, seconds: float) -> None:
         """A standstill; also what a run is padded by to a whole number of periods."""
@@ -306,34 +304,35 @@ class _Look:
 
     def _moments(self, course: FeedCourse, row: Sequence[moments.Look], setpoints: Setpoints) -> None:
         motion = moments.of(course, row)
-        use = binding.used(motion, course.derivatives(motion.s))
+        use = binding.used(motion, course.derivatives(motion.s, motion.index))
         found = binding.codes(course, motion, use)
-        shown = binding.shown(motion, found)
-        ratio, feed = self._ratios(row, use / self._limits, setpoints), course.feed(motion.s)
+        ratio = self._ratios(row, use / self._limits, setpoints)
+        feed = course.feed(motion.s, motion.index)
         self._seconds += np.bincount(found, motion.dt, binding.NUMBER_OF_CODES)
         fed = np.isfinite(feed)
         self._fed_seconds += np.bincount(found[fed], motion.dt[fed], binding.NUMBER_OF_CODES)
         np.maximum(self._ratio, ratio.max(axis=0), out=self._ratio)
-        window = first = 0
-        for span, n in row:
-            here = slice(first, first + n * motion.per_window)
+        rate = course.tip_rate(motion.s, motion.index)
+        sums, places = moments.Sums(row, motion, found, ratio, rate, feed), []
+        for k, (span, n) in enumerate(row):
             stretch = course.stretches[span.stretch]
-            if n:
-                tally, s = self._of(stretch), motion.s[here] - course.starts[span.stretch]
-                rate = stretch.tip_rate(np.clip(s, 0.0, stretch.motion.end))
-                speeds = rate * motion.v[here], rate * feed[here]
-                tally.moments(motion.dt[here], speeds, found[here], ratio[here])
-                dt, ds = _windows(span, n)
-                tip = rate.reshape(n, motion.per_window).mean(axis=1)
-                tally.windows(dt, tip * ds, shown[window : window + n])
-                work = works.work_of(stretch)
-                length_mm = 0.0 if works.turns_alone(stretch) else float((tip * ds).sum())
-                took_s = float(dt.sum())
-                self._works(work, length_mm, took_s)
-                self._tool_uses.take(stretch, work, took_s, length_mm, speeds[1])
-                self._tool_uses.places(stretch, work, self._joints(stretch, s))
+            tally, work, windows = self._of(stretch), works.work_of(stretch), sums.windows[k]
+            tally.moments(sums.seconds[k], sums.fastest[k], sums.feeds[k][1], sums.ratio[k])
+            tally.windows(*windows)
+            length_mm = 0.0 if works.turns_alone(stretch) else sum(windows.ds)
+            took_s = sum(windows.dt)
+            self._works(work, length_mm, took_s)
+            self._tool_uses.take(stretch, work, took_s, length_mm, sums.feeds[k])
+            here = slice(sums.first[k], sums.first[k] + n * motion.per_window)
+            places.append(
+                Places(stretch, work, self._joints(stretch, motion.s[here] - course.zeros[span.stretch]))
+            )
+            self._rest(tally, span.stands_s)
             self._cut_time_s += (span.to_s - span.from_s) * stretch.cutting
-            window, first = window + n, here.stop
+        self._tool_uses.places(places)
+        q = np.concatenate([one.joints for one in places])
+        self._ends[0] = np.minimum(self._ends[0], q.min(axis=0))
+        self._ends[1] = np.maximum(self._ends[1], q.max(axis=0))
 
     def _works(self, what: str, length_mm: float, time_s: float) -> None:
         if what != works.OTHER:
@@ -354,11 +353,11 @@ class _Look:
 
     def _joints(self, stretch: Stretch, s: Array) -> Array:
         """Where the axes are at the places ``s``, and at both ends of the motion, (N, axes)."""
+        ends = [stretch.start, stretch.end]
+        if isinstance(stretch.motion, JointMove) and isinstance(stretch.motion.curve, Line):
+            return np.array(ends)  # nowhere beyond them
         s = np.clip(s[:: max(1, len(s) // 400)], 0.0, stretch.motion.end)
-        q = np.concatenate([joints_along(stretch, s, self._kinematics), [stretch.start, stretch.end]])
-        self._ends[0] = np.minimum(self._ends[0], q.min(axis=0))
-        self._ends[1] = np.maximum(self._ends[1], q.max(axis=0))
-        return q
+        return np.concatenate([joints_along(stretch, s, self._kinematics), ends])
 
     def _uses(self) -> tuple[JointUse, ...]:
         if not np.isfinite(self._ends).all():
@@ -380,12 +379,6 @@ def _line(sent: Planned) -> int:
 
 def _word(act: Act) -> str:
     return act.name.lower().replace("_", " ")
-
-
-def _windows(span: Span, n: int) -> tuple[Array, Array]:
-    """Duration and length of each window of the display."""
-    times = np.linspace(span.from_s, span.to_s, n + 1)
-    return np.diff(times), np.diff(along(span.law, times)[0])
 
 
 def lines_of(stretch: Stretch) -> tuple[int, int, int]:

@@ -7,7 +7,9 @@ per change of what binds; so a part of any length fits.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -18,7 +20,6 @@ from controller.plan.feed.binding import NUMBER_OF_CODES
 from controller.state.modes import AXIS_KINDS, Binding, binding_text
 
 Array = npt.NDArray[np.float64]
-Codes = npt.NDArray[np.int64]
 
 MAX_SPANS = 200  # of what binds in one part; shorter ones are merged
 KEPT_SPANS = 4 * MAX_SPANS
@@ -96,22 +97,21 @@ class Tally:
     def __post_init__(self) -> None:
         self.ratio = np.zeros((len(self.machine.axes), 3))
 
-    def moments(self, dt: Array, speeds: tuple[Array, Array], found: Codes, ratio: Array) -> None:
-        """Take N moments: what each stands for (s), speed and programmed feed, code, shares (N, axes, 3)."""
-        v, feed = speeds
-        self.seconds += np.bincount(found, dt, NUMBER_OF_CODES)
-        self.fastest_mm_s = max(self.fastest_mm_s, float(v.max()))
-        np.maximum(self.ratio, ratio.max(axis=0), out=self.ratio)
-        self.feed_mm_s = max(self.feed_mm_s, float(feed.max()))
+    def moments(self, seconds: Array, fastest: float, feed: float, ratio: Array) -> None:
+        """Take moments: seconds of each code, the largest speed, programmed feed and shares (axes, 3)."""
+        self.seconds += seconds
+        self.fastest_mm_s = max(self.fastest_mm_s, fastest)
+        np.maximum(self.ratio, ratio, out=self.ratio)
+        self.feed_mm_s = max(self.feed_mm_s, feed)
 
-    def windows(self, dt: Array, ds: Array, found: Codes) -> None:
+    def windows(self, dt: Sequence[float], ds: Sequence[float], codes: Sequence[int]) -> None:
         """Take windows of the display, after each other: duration, length, code."""
-        times = self.time_s + np.concatenate([[0.0], np.cumsum(dt)])
-        places = self.length_mm + np.concatenate([[0.0], np.cumsum(ds)])
         last = self.changes[-1][2] if self.changes else -1
-        for k in np.flatnonzero(np.diff(found, prepend=last)):
-            self.changes.append((float(times[k]), float(places[k]), int(found[k])))
-        self.time_s, self.length_mm = float(times[-1]), float(places[-1])
+        for lasts, way, code in zip(dt, ds, codes, strict=True):
+            if code != last:
+                self.changes.append((self.time_s, self.length_mm, last := code))
+            self.time_s += lasts
+            self.length_mm += way
         if len(self.changes) > KEPT_SPANS:
             self.changes = _fewer(self.changes, self.time_s)
 
@@ -162,28 +162,28 @@ def _short(value: Any) -> Any:
 
 def bounds(seconds: Array, machine: Machine) -> tuple[Bound, ...]:
     """Shares of the time by what bound, the longest first; without the time in which nothing did."""
-    names = [axis.name for axis in machine.axes]
-    total = float(seconds.sum())
-    found = []
-    for code in sorted(np.flatnonzero(seconds), key=lambda code: -seconds[code]):
-        axis, kind = divmod(int(code) - Binding.AXIS, 3)
-        of_axis = code >= Binding.AXIS
-        found.append(
-            Bound(
-                binding_text(int(code), names),
-                float(seconds[code]) / total,
-                names[axis] if of_axis else None,
-                AXIS_KINDS[kind] if of_axis else None,
-            )
-        )
-    return tuple(bound for bound in found if bound.what != binding_text(Binding.NOTHING, names))
+    names, nothing = tuple(axis.name for axis in machine.axes), int(Binding.NOTHING)
+    total, shares = float(seconds.sum()), seconds.tolist()
+    codes = [code for code, share in enumerate(shares) if share and code != nothing]
+    codes.sort(key=lambda code: -shares[code])
+    return tuple(
+        Bound(what, shares[code] / total, *of) for code in codes for what, *of in [_named(code, names)]
+    )
+
+
+@cache
+def _named(code: int, axes: tuple[str, ...]) -> tuple[str, str | None, str | None]:
+    """What bound, of which axis, and which kind of its limits."""
+    what, first = binding_text(code, axes), int(Binding.AXIS)
+    axis, kind = divmod(code - first, 3)
+    return (what, None, None) if code < first else (what, axes[axis], AXIS_KINDS[kind])
 
 
 def ratios(machine: Machine, most: Array) -> dict[str, dict[str, float]]:
     """Largest shares of the limits (axes, 3) by name."""
     return {
-        axis.name: dict(zip(AXIS_KINDS, (float(x) for x in row), strict=True))
-        for axis, row in zip(machine.axes, most, strict=True)
+        axis.name: dict(zip(AXIS_KINDS, row, strict=True))
+        for axis, row in zip(machine.axes, most.tolist(), strict=True)
     }
 
 

@@ -6,9 +6,11 @@ active, positions of the axes without tip control. Tools come in the order of th
 
 from __future__ import annotations
 
+import itertools
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -19,8 +21,8 @@ from controller.plan.report.works import CUTS, HOLES
 from controller.plan.stretch import Stretch
 from controller.program.carried import InForce
 from controller.program.codes import CYCLES
-from controller.program.cycle_way import PLANES
 from controller.program.modal import State, power_on
+from controller.program.motion_words import PLANES
 from controller.program.program import Modal, Tip
 
 Array = npt.NDArray[np.float64]
@@ -79,8 +81,8 @@ class _Range:
     low: float = math.inf
     high: float = -math.inf
 
-    def take(self, values: Array | float) -> None:
-        self.low, self.high = min(self.low, float(np.min(values))), max(self.high, float(np.max(values)))
+    def take(self, low: float, high: float) -> None:
+        self.low, self.high = min(self.low, low), max(self.high, high)
 
     @property
     def ends(self) -> tuple[float, float] | None:
@@ -102,6 +104,14 @@ class _Sums:
         deepest = self.z.ends[0] if self.z.ends else None
         times = self.cut_s, self.rapid_s, self.cut_mm
         return ToolUse(tool, *times, self.spindle.ends, self.feed.ends, deepest)
+
+
+class Places(NamedTuple):
+    """Where a part of a motion leads: joints (N, axes); start and end of the motion are the last two."""
+
+    stretch: Stretch
+    work: str
+    joints: Array
 
 
 class ToolUses:
@@ -126,27 +136,41 @@ class ToolUses:
         self._list_hole()
         return tuple(self._holes), self._hole_count
 
-    def take(self, stretch: Stretch, work: str, took_s: float, length_mm: float, feed: Array) -> None:
-        """A part of a motion: seconds, millimetres of the tip, programmed feeds (N,) in mm/s."""
-        state = self._state(stretch)
-        sums = self._tools.setdefault(state.modal.tool, _Sums())
+    def take(
+        self, stretch: Stretch, work: str, took_s: float, length_mm: float, feeds: tuple[float, float]
+    ) -> None:
+        """A part of a motion: seconds, millimetres of the tip, lowest and highest programmed feed in mm/s."""
+        modal = self._state(stretch).modal
+        sums = self._sums(modal.tool)
         if work == "rapid":
             sums.rapid_s += took_s
         elif work in CUTS:
             sums.cut_s += took_s
             sums.cut_mm += length_mm
-            sums.feed.take(60.0 * feed)
-            sums.spindle.take(abs(state.modal.spindle_rev_min))
+            sums.feed.take(*(60.0 * feed for feed in feeds))
+            sums.spindle.take(*[abs(modal.spindle_rev_min)] * 2)
 
-    def places(self, stretch: Stretch, work: str, joints: Array) -> None:
-        """Where it is in that part, joints (N, axes); start and end of the motion are the last two."""
-        if work not in CUTS:
-            return
-        state = self._state(stretch)
-        places = self._in_program(joints, stretch, state.modal)
-        self._tools.setdefault(state.modal.tool, _Sums()).z.take(places[:, 2])
-        if work in HOLES:
-            self._hole(stretch, state, places)
+    def places(self, parts: Sequence[Places]) -> None:
+        """Where those parts lead."""
+        known = [(k, part, self._state(part.stretch)) for k, part in enumerate(parts) if part.work in CUTS]
+
+        def alike(one: tuple[int, Places, State]) -> tuple[int, bool, int]:
+            """What is looked at together; holes are not."""
+            k, part, state = one
+            return id(state.modal), part.stretch.cutting, k if part.work in HOLES else -1
+
+        for _, run in itertools.groupby(known, alike):
+            (_, part, state), *others = run
+            joints = np.concatenate([part.joints, *(other.joints for _, other, _ in others)])
+            places = self._in_program(joints, part.stretch, state.modal)
+            self._sums(state.modal.tool).z.take(float(places[:, 2].min()), float(places[:, 2].max()))
+            if part.work in HOLES:
+                self._hole(part.stretch, state, places)
+
+    def _sums(self, tool: int) -> _Sums:
+        if tool not in self._tools:
+            self._tools[tool] = _Sums()
+        return self._tools[tool]
 
     def _state(self, stretch: Stretch) -> State:
         return self._in_force.at(stretch.place.order) or POWER_ON

@@ -114,7 +114,7 @@ def joint_series(stretch: Stretch, s: float, joints: Joints, kinematics: Kinemat
 def _derivatives_of_move(move: JointMove, s: Array, kinematics: Kinematics) -> Derivatives:
     per_s = 1.0 / move.end
     if isinstance(move.curve, Line):
-        return _even(move, len(s), per_s, kinematics)
+        return _even(np.tile(_rates(move, kinematics), (len(s), 1)))
     (a0, b0), (a1, b1) = move.start_rotaries, move.end_rotaries
     found = []
     for order in (1, 2, 3):
@@ -125,13 +125,16 @@ def _derivatives_of_move(move: JointMove, s: Array, kinematics: Kinematics) -> D
     return Derivatives(*found)
 
 
-def _even(move: JointMove, n: int, per_s: float, kinematics: Kinematics) -> Derivatives:
-    """The same of a straight one, which has one rate of each joint."""
-    (a0, b0), (a1, b1) = move.start_rotaries, move.end_rotaries
-    rates = np.array(kinematics.arrange([*move.curve.derivative(0.0, 1), a1 - a0, b1 - b0]), dtype=float)
-    first = np.empty((n, len(rates)))
-    first[:] = rates * per_s
+def _even(first: Array) -> Derivatives:
+    """Of straight moves, by the rates of the joints, (N, axes)."""
     return Derivatives(first, np.zeros(first.shape), np.zeros(first.shape))
+
+
+def _rates(move: JointMove, kinematics: Kinematics) -> Array:
+    """Of the joints along a straight one, (axes,) per unit of s."""
+    (a0, b0), (a1, b1) = move.start_rotaries, move.end_rotaries
+    ways = kinematics.arrange([*move.curve.derivative(0.0, 1), a1 - a0, b1 - b0])
+    return np.array(ways, dtype=float) * (1.0 / move.end)
 
 
 @remembered(REMEMBERED)
@@ -242,6 +245,8 @@ def kind(stretch: Stretch, kinematics: Kinematics) -> object:
     cut = stretch.motion
     if isinstance(cut, ToolLine):
         return tool_paths.kind(cut, kinematics)
+    if isinstance(cut, JointMove):
+        return JointMove if isinstance(cut.curve, Line) else None
     if not isinstance(cut, SurfaceCut) or cut.touches or cut.beside_pole:
         return None
     surface = cut.surface
@@ -270,6 +275,9 @@ def together(stretches: Sequence[Stretch], s: Array, of: Index, kinematics: Kine
     lines = [one.motion for one in stretches if isinstance(one.motion, ToolLine)]
     if lines:
         return Derivatives(*tool_paths.derivatives_of_lines(lines, s, of, kinematics))
+    moves = [one.motion for one in stretches if isinstance(one.motion, JointMove)]
+    if moves:
+        return _even(np.array([_rates(move, kinematics) for move in moves])[of])
     cuts = [one.motion for one in stretches if isinstance(one.motion, SurfaceCut)]
     spans = np.array([_inside(cut, kinematics) for cut in cuts])[of]
     inside, u = np.clip(s, spans[:, 0], spans[:, 1]), np.empty(len(s))

@@ -28,6 +28,7 @@ from typing import TYPE_CHECKING
 
 from controller.geometry.vectors import Frame, Vector, norm, subtract
 from controller.machine.kinematics import kinematics_of
+from controller.machine.kinematics.slides import Slides
 from controller.machine.model import Machine
 from controller.machine.toml_table import Table
 
@@ -91,6 +92,7 @@ class Cutting:
         self._cut, self._drives, self._feel = cut, drives, feel
         self._kinematics = kinematics_of(machine)
         self._counts = tuple(axis.counts_per_unit for axis in machine.axes)
+        self._from_motors = Slides(machine.axes).real
 
     def watch(self, _now_s: float) -> None:
         tip = self._tip(0.0)
@@ -100,5 +102,5 @@ class Cutting:
     def _tip(self, ahead_s: float) -> Vector:
         """Where it comes to as fast as the motors turn now."""
         counts = (drive.motor_counts + ahead_s * drive.motor_counts_s for drive in self._drives)
-        joints = [count / per for count, per in zip(counts, self._counts, strict=True)]
+        joints = self._from_motors([count / per for count, per in zip(counts, self._counts, strict=True)])
         return self._kinematics.forward(joints, self._cut.length_mm).tip

@@ -22,6 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from controller.geometry.vectors import ROUNDING
+from controller.machine.kinematics.slides import Slides
 from controller.machine.model import Machine
 from controller.state.modes import FAULTS, Fault, Mode, Reaction
 from controller.tick.cycle import Cycle
@@ -182,7 +183,8 @@ class Sight:
     @cached_property
     def motors(self) -> Array:
         """Where the motors truly were, shape (N, axes), mm and rad, in the joints' counting."""
-        return np.asarray(self.travel + np.array([seen.zeros for seen in self.ticks]))
+        travelled = self.travel + np.array([seen.zeros for seen in self.ticks])
+        return np.stack(Slides(self.machine.axes).real(travelled.T), axis=1)
 
     @cached_property
     def travel(self) -> Array:

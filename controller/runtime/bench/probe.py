@@ -36,6 +36,7 @@ from typing import Protocol
 
 from controller.geometry.vectors import Frame, Vector, X, Y, Z, add, dot, norm, rotate, scale, subtract, unit
 from controller.machine.kinematics import kinematics_of
+from controller.machine.kinematics.slides import Slides
 from controller.machine.model import Joints, Machine, Sensor
 from controller.machine.toml_table import Table, parse, read_text
 from controller.runtime.bench import cut as cuts
@@ -287,6 +288,7 @@ class Wired:
         self.stuck: bool | None = None  # what the input shows, whatever is touched; None: the touch
         self._drives, self._io = drives, io
         self._counts = tuple(axis.counts_per_unit for axis in machine.axes)
+        self._from_motors = Slides(machine.axes).real
         self._before = [drive.motor_counts for drive in drives]
         self._latched = sensor is machine.probe or (sensor is not None and sensor.latch_tpdo > 0)
         self._bit = machine.io.input(sensor.input) if sensor is not None and machine.io is not None else None
@@ -296,8 +298,8 @@ class Wired:
         now = [drive.motor_counts for drive in self._drives]
         if now == self._before:
             return
-        motors = tuple([counts / per for counts, per in zip(now, self._counts, strict=True)])
-        share = self.touched.look(motors)
+        motors = [counts / per for counts, per in zip(now, self._counts, strict=True)]
+        share = self.touched.look(tuple(self._from_motors(motors)))
         if share is not None and self.stuck is None:
             if self._latched:
                 for drive, a, b in zip(self._drives, self._before, now, strict=True):

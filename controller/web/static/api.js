@@ -1,6 +1,6 @@
 // Asking the panel: by the same routes as any script.
 import { dx } from "./store.js";
-import { ask, say } from "./dialog.js";
+import { ask, ask_for, say } from "./dialog.js";
 import { sentence, word } from "./texts.js";
 
 export const API = "/api/v1/";
@@ -29,6 +29,7 @@ export async function call(method, path, body, quiet = false) {
     said.body = { error: { sentence: word("frame.no_panel") } };
   }
   if (said.status === 401) location.assign("/login");
+  if (!said.ok && said.body.error?.code === "confirm" && path !== CONFIRM && (await password_again())) return call(method, path, body, quiet);
   const more = quiet || said.ok ? undefined : CONFIRMED[said.body.error?.code];
   if (more) return (await confirmed(said.body.error)) ? call(method, path, { ...body, ...more }) : said;
   if (!said.ok) refused(said, quiet);
@@ -39,6 +40,13 @@ export async function call(method, path, body, quiet = false) {
 // somebody says so: by the code of the refusal what is asked with then.
 const CONFIRMED = { unrecorded: { unrecorded: true }, worn: { worn: true }, moves: { still: false } };
 const confirmed = (facts) => ask(`${sentence(facts)} ${word(`run.${facts.code}_ask`)}`);
+
+// What is changed of users and tokens asks for the password again, once in a while.
+const CONFIRM = "session/confirm";
+async function password_again() {
+  const password = await ask_for(word("users.confirm_ask"), "users.confirm", "", { type: "password", autocomplete: "current-password", maxlength: 200 });
+  return password !== null && (await call("POST", CONFIRM, { password })).ok;
+}
 
 function refused(said, quiet) {
   const facts = said.body.error ?? {};

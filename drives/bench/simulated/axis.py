@@ -52,6 +52,7 @@ class Axis(PowerStage):
         self.causes: set[int] = set()  # injected errors that are still there: no fault reset
         self._errors: set[int] = set()  # what the present fault is made of
         self.sto = False  # safe torque off
+        self.slipped = 0.0  # increments that the load is behind the motor, as an encoder there tells it
         self.homing_methods = homing.KNOWN  # what 6098h takes
         self._deviates = self._halted = self._saturated = 0
         self._lagging_s: float | None = None

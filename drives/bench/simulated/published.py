@@ -10,6 +10,7 @@ from drives.bench.simulated.axis import Axis
 from drives.bench.simulated.data_sheet import key
 from drives.bench.simulated.dictionary import Dictionary
 from drives.bench.simulated.units import OBJECTS
+from drives.settings import ADDITIONAL_POSITION
 
 RANGE_AT = 0x607B
 LOW, HIGH = 1, 2
@@ -40,6 +41,9 @@ def publish(axis: Axis) -> None:
         0x6098: lambda method: _known_method(axis, method),
     }
     dictionary.readers.update({key(index): reader for index, reader in readers.items()})
+    dictionary.readers[key(ADDITIONAL_POSITION, 1)] = lambda: units.reported_position(
+        servo.position - axis.slipped
+    )
     dictionary.writers.update({key(index): writer for index, writer in writers.items()})
     for where in dictionary.values:
         if where >> 8 in OBJECTS:

@@ -210,10 +210,11 @@ def test_hold_stop_and_estop_take_no_control_token_and_every_other_motion_does()
 
 
 def test_only_looking_needs_no_more_than_to_look() -> None:
-    """A route of another method than GET that a viewer may use ends the viewer's own session."""
+    """Another method than GET is a viewer's for the own sessions and password alone."""
     looks = ("GET", WEBSOCKET)
     viewers = {(m, p) for m, p, rule in asked() if rule and rule[0] is Role.VIEW and m not in looks}
-    assert viewers == {("DELETE", "/api/v1/session")}
+    own = {("POST", "session/confirm"), ("PUT", "session/password"), ("DELETE", "sessions/nobody")}
+    assert viewers == {(m, f"/api/v1/{path}") for m, path in {*own, ("DELETE", "session")}}
 
 
 @pytest.mark.parametrize("path", ["cycle/hold", "cycle/stop", "machine/estop"])

@@ -606,7 +606,7 @@ def test_an_update_is_undone_where_the_operator_names_the_machine_file_or_it_is_
 def test_an_archive_planted_in_the_state_folder_undoes_nothing(store: Store, tmp_path: Path) -> None:
     """Nor does one in a folder of another's that has the place of the service's own."""
     victim = tmp_path / "victim.toml"
-    for folder, owner in ((store.folder / "backups", 0), (backup.folder_of(store), 4321)):
+    for folder, owner in ((store.own / "backups", 0), (backup.folder_of(store), 4321)):
         folder.mkdir()
         backup.save(store, config.load("trunnion"), folder / "9999-12-31T000000.000000.zip", victim)
         if owner and os.geteuid() == 0:

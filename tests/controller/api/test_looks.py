@@ -233,7 +233,7 @@ def test_the_picture_of_a_checked_program_is_told(tmp_path: Path) -> None:
         tips = np.array([[0.0, 0.0, 0.0], [1.0, 2.0, 3.00004]])
         axes = np.array([[0.0, 0.0, 1.0], [0.6, 0.0, 0.8000001]])
         shape = Shape(tips, two, two, two, np.zeros((0, 6)), one[:0], 0.002, axes)
-        shape.save(scene.folder / "pictures" / "abc.npz")
+        shape.save(scene.store.own / "pictures" / "abc.npz")
         answer = await client.get("/api/v1/programs/part.ngc/picture")
         known = {"If-None-Match": answer.headers["etag"]}
         again = await client.get("/api/v1/programs/part.ngc/picture", headers=known)
@@ -253,7 +253,7 @@ def test_the_path_is_a_picture_too_in_a_folder_as_well(tmp_path: Path) -> None:
         two = np.array([1, 1])
         tips, axes = np.array([[0.0, 0.0, 0.0], [1.0, 2.0, 3.0]]), np.array([[0.0, 0.0, 1.0]] * 2)
         shape = Shape(tips, two, two, two, np.zeros((0, 6)), two[:0], 0.002, axes)
-        shape.save(scene.folder / "pictures" / "abc.npz")
+        shape.save(scene.store.own / "pictures" / "abc.npz")
         path = "/api/v1/programs/fixtures%2Fpart.ngc/picture"
         assert (await client.get(path)).json()["kinds"] == [1, 1]
         small, large = [await client.get(f"{path}.svg?height={px}") for px in (54, 360)]

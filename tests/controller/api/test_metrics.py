@@ -16,6 +16,7 @@ from prometheus_client.parser import text_string_to_metric_families
 from support.fakes.fake_socket import FakeDoor
 from support.fakes.panels import Scene
 
+from controller.api import own_folder
 from controller.messages import LANGUAGES
 from controller.state.modes import Mode
 
@@ -135,7 +136,8 @@ def test_the_disk_is_told_with_what_takes_it(tmp_path: Path) -> None:
     assert found["directrix_disk_size_bytes"] == disk.total
     assert found["directrix_disk_free_bytes"] == pytest.approx(disk.free, rel=0.05)
     assert found["directrix_state_bytes recordings"] == 5000.0
-    assert found["directrix_state_bytes store"] >= (tmp_path / "store.sqlite").stat().st_size
+    store = own_folder.of(tmp_path) / own_folder.STORE
+    assert found["directrix_state_bytes store"] >= store.stat().st_size
 
 
 def test_a_service_that_is_gone_leaves_what_the_store_knows(tmp_path: Path) -> None:

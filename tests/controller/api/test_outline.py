@@ -104,14 +104,14 @@ def checked(store: Store, text: bytes, files: dict[str, bytes] | None = None) ->
 
 
 def picture_of(store: Store, result: dict[str, Any]) -> dict[str, list[list[tuple[float, float]]]]:
-    shape = picture.load(store.folder / "pictures" / f"{result['pictured']}.npz")
+    shape = picture.load(store.own / "pictures" / f"{result['pictured']}.npz")
     return drawn(outline.svg(shape, HEIGHT, outline.guilty_of(shape, result)))
 
 
 def test_a_sound_program_has_nothing_in_red(store: Store) -> None:
     state, result = checked(store, SQUARE)
     assert state == "passed"
-    shape = picture.load(store.folder / "pictures" / f"{result['stored']}.npz")
+    shape = picture.load(store.own / "pictures" / f"{result['stored']}.npz")
     assert not outline.guilty_of(shape, result).any()
     assert len(drawn(outline.svg(shape, HEIGHT))["feed"][0]) == 6
 
@@ -122,7 +122,7 @@ def test_a_line_that_cannot_be_read_is_ringed_where_the_program_has_come_to_and_
     wrong = SQUARE.replace(b"G1 X0\n", b"G1 X0 QQ\n")
     state, result = checked(store, wrong)
     assert (state, result["line"], result["guilty_lines"]) == ("refused", 8, [8])
-    shape = picture.load(store.folder / "pictures" / f"{result['pictured']}.npz")
+    shape = picture.load(store.own / "pictures" / f"{result['pictured']}.npz")
     guilty = np.flatnonzero(outline.guilty_of(shape, result))
     assert len(guilty) == 1 and shape.tips[guilty[0]] == pytest.approx(shape.tips[shape.lines == 7][-1])
     assert (shape.lines == 9).any(), "and on behind it"
@@ -133,7 +133,7 @@ def test_a_line_that_cannot_be_read_is_ringed_where_the_program_has_come_to_and_
 def test_where_an_axis_would_leave_its_travel_the_path_ends_in_a_ring(store: Store) -> None:
     state, result = checked(store, SQUARE.replace(b"G1 X0\n", b"G1 X9999\n"))
     assert (state, result["guilty_lines"]) == ("refused", [8])
-    shape = picture.load(store.folder / "pictures" / f"{result['pictured']}.npz")
+    shape = picture.load(store.own / "pictures" / f"{result['pictured']}.npz")
     assert shape.lines.max() == 7 and np.flatnonzero(outline.guilty_of(shape, result)).tolist() == [
         len(shape.lines) - 1
     ]
@@ -143,7 +143,7 @@ def test_a_gouge_is_drawn_whole_with_its_own_line_in_red(store: Store) -> None:
     text = machine_file.shipped_program("example2").read_bytes()
     state, result = checked(store, text)
     assert (state, result["key"]) == ("refused", "gouge.refused")
-    shape = picture.load(store.folder / "pictures" / f"{result['pictured']}.npz")
+    shape = picture.load(store.own / "pictures" / f"{result['pictured']}.npz")
     guilty = outline.guilty_of(shape, result)
     assert guilty.any() and set(shape.lines[guilty]) == set(result["guilty_lines"])
     assert picture_of(store, result)["guilty"]
@@ -156,7 +156,7 @@ def test_a_mistake_in_a_called_file_marks_the_line_that_calls_it(store: Store, w
     line = calls[: calls.index(b"o5 call")].count(b"\n") + 1
     assert (state, result["file"], result["line"], result["called_at"]) == ("refused", "5.ngc", 2, line)
     assert result["guilty_lines"] == [line]
-    shape = picture.load(store.folder / "pictures" / f"{result['pictured']}.npz")
+    shape = picture.load(store.own / "pictures" / f"{result['pictured']}.npz")
     assert outline.guilty_of(shape, result).any()
 
 

@@ -11,7 +11,7 @@ import pytest
 from support.fakes.panels import Scene, sentence
 from typer.testing import CliRunner
 
-from controller.api import backup, own_backups
+from controller.api import backup, own_backups, own_folder
 from controller.api.store import Store
 from controller.cli import backup as command
 from controller.machine import machine_file, setup_data
@@ -52,7 +52,7 @@ def test_what_is_saved_is_listed_with_its_date_taken_away_and_put_back_by_the_co
         listed = (await client.get(PATH)).json()
         assert listed["backups"] == [made.json()] and listed["kept"] == own_backups.KEPT
         file = Path(listed["folder"]) / made.json()["name"]
-        assert file.parent.parent == state and listed["state"] == str(state)
+        assert file.parent.parent == own_folder.of(state) and listed["state"] == str(state)
         assert abs(made.json()["made_s"] - backup.check(file).made_s) < 60.0
         taken = await client.get(f"{PATH}/{file.name}")
         assert taken.content == file.read_bytes() and len(taken.content) == made.json()["size"]
@@ -73,10 +73,10 @@ def test_the_latest_are_kept_and_nothing_that_is_no_archive_is_listed(
 
     async def story(_: Scene, client: httpx.AsyncClient) -> None:
         names = [(await client.post(PATH)).json()["name"] for _ in range(3)]
-        (state / own_backups.FOLDER / "notes.txt").write_text("mine")
+        (own_folder.of(state) / own_backups.FOLDER / "notes.txt").write_text("mine")
         found = [one["name"] for one in (await client.get(PATH)).json()["backups"]]
         assert found == names[:0:-1], "the latest first"
-        assert (state / own_backups.FOLDER / "notes.txt").exists()
+        assert (own_folder.of(state) / own_backups.FOLDER / "notes.txt").exists()
 
     told(state, story)
 
@@ -105,8 +105,8 @@ def test_one_is_saved_at_a_time_and_no_other_file_is_given_out(state: Path) -> N
     async def story(scene: Scene, client: httpx.AsyncClient) -> None:
         async with scene.panel.saving:
             assert (await client.post(PATH)).status_code == 429
-        (state / own_backups.FOLDER).mkdir()
-        (state / own_backups.FOLDER / "link.zip").symlink_to(state / "directrix.db")
+        (own_folder.of(state) / own_backups.FOLDER).mkdir()
+        (own_folder.of(state) / own_backups.FOLDER / "link.zip").symlink_to(state / "directrix.db")
         for name in ("none.zip", "link.zip", "..%2Ffitting.json"):
             assert (await client.get(f"{PATH}/{name}")).status_code in (404, 422), name
 

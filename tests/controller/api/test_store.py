@@ -179,7 +179,7 @@ def test_a_store_of_before_gives_up_its_copies_of_what_the_service_keeps(tmp_pat
         assert store.alarms.list() == []
         tables = {row[0] for row in store.database.rows("SELECT name FROM sqlite_master")}
         assert "settings" in tables and not {"offsets", "tools"} & tables
-    assert (tmp_path / "store.schema5.sqlite").exists()
+    assert (store.own / "store.schema5.sqlite").exists()
 
 
 def test_users_tokens_and_the_audit_log(store: Store) -> None:
@@ -212,7 +212,7 @@ def test_a_check_is_of_a_content_on_a_machine_and_goes_with_it(store: Store) -> 
 
 def test_a_store_of_a_newer_version_is_refused_and_left_alone(store: Store, tmp_path: Path) -> None:
     store.close()
-    with sqlite3.connect(tmp_path / "state" / "store.sqlite") as sql:
+    with sqlite3.connect(store.database.file) as sql:
         sql.execute("PRAGMA user_version = 99")
     with pytest.raises(StoreError, match="has schema 99"):
         Store(tmp_path / "state")
@@ -229,7 +229,7 @@ def test_a_migration_keeps_what_is_there_and_puts_a_copy_beside_it(
     folder = tmp_path / "state"
     with sqlite3.connect(Store(folder).database.file) as sql:
         assert sql.execute("SELECT sha256, note FROM programs").fetchall() == [(sha256, "")]
-    with sqlite3.connect(folder / f"store.schema{len(before)}.sqlite") as sql:
+    with sqlite3.connect(store.own / f"store.schema{len(before)}.sqlite") as sql:
         assert sql.execute("SELECT sha256 FROM programs").fetchall() == [(sha256,)]
 
 
@@ -251,7 +251,7 @@ def test_a_database_that_becomes_unreadable_is_a_sentence_and_no_crash(store: St
     for n in range(200):
         store.audit.add("me", "here", "x" * 300, str(n))
     store.close()
-    file = store.folder / "store.sqlite"
+    file = store.database.file
     data = bytearray(file.read_bytes())
     data[4096:] = b"\xa5" * (len(data) - 4096)
     file.write_bytes(data)

@@ -22,7 +22,7 @@ from controller.machine.model import Bus
 
 RUNNER = CliRunner()
 ON_CAN = replace(shipped(), buses=(Bus("can0", "socketcan", "can3", 500_000),))
-LIMITS = {installation.PANEL: 2.5, installation.SERVICE: 5.0, installation.LINES: 2.5}
+LIMITS = {installation.PANEL: 1.2, installation.SERVICE: 1.7, installation.LINES: 1.2}
 DEBIANS_LINK = "73-usb-net-by-mac.link"  # matches every interface on USB, and so every adapter
 
 

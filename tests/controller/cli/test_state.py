@@ -1,4 +1,4 @@
-"""``directrix state check``: it names what is damaged, and nothing else."""
+"""``directrix state``: check names what is damaged, and nothing else; requests who asked for what."""
 
 from __future__ import annotations
 
@@ -21,6 +21,7 @@ from controller import sealed_file
 from controller.__main__ import app
 from controller.api.store import Store
 from controller.cli import recorded_runs, state
+from controller.ipc.asker import Asker
 from controller.machine import arrangement, setup_data
 from controller.messages import message
 from controller.plan.report import stored
@@ -28,7 +29,9 @@ from controller.runtime import events
 from controller.runtime.starts import Start
 from controller.service import runs
 from controller.service.journal import sha256
+from controller.service.requests import Requests
 from controller.state.setpoints import SETPOINTS
+from controller.store.service_store import ServiceStore
 from controller.verify.console import Refused
 from drives.arranged import Arranged
 
@@ -90,10 +93,10 @@ def test_what_is_whole_is_ok_and_nothing_is_changed(copied: Path) -> None:
         "fitting.json.before",
         "machine.json",
         "service.sqlite",
-        "store.sqlite",
+        "panel/store.sqlite",
     }
     assert wanted <= found.keys() and set(found.values()) == {"ok"}
-    for start in ("runs/", "arranged/", "checks/", "programs/"):
+    for start in ("runs/", "arranged/", "checks/", "panel/programs/"):
         assert any(name.startswith(start) for name in found), start
     for file, data in kept.items():
         if not file.name.endswith(("-wal", ".sqlite", ".db")):
@@ -102,7 +105,7 @@ def test_what_is_whole_is_ok_and_nothing_is_changed(copied: Path) -> None:
 
 def test_every_file_that_it_lists_is_damaged_by_a_bit_and_then_alone(copied: Path) -> None:
     for one in asked(copied, 0):
-        if ".sqlite" in one["file"] or one["file"].endswith(".db") or one["file"].startswith("log_in"):
+        if ".sqlite" in one["file"] or one["file"].endswith(".db") or one["file"].endswith("log_in"):
             continue
         file = copied / one["file"]
         data = bytearray(sound := file.read_bytes())
@@ -136,7 +139,7 @@ def test_a_file_that_is_gone_beside_the_one_before_it_is_damaged(copied: Path) -
 
 def test_a_row_and_what_was_written_ahead_are_looked_at(copied: Path) -> None:
     for name, wanted in {
-        "store.sqlite": b"anna",
+        "panel/store.sqlite": b"anna",
         "service.sqlite": b"confirmed",
     }.items():
         file = copied / name
@@ -217,3 +220,19 @@ def test_a_segment_of_a_record_is_named_that_is_damaged_or_gone(copied: Path) ->
     found = [one for one in asked(copied, 1) if one["condition"] == "damaged"]
     names = [f"runs/{folder.name}/{SETPOINTS.name(first)}" for first in (4, 8)]
     assert [one["file"] for one in found] == names and found[0]["why"] == "it is missing"
+
+
+def test_requests_are_listed_newest_first(copied: Path) -> None:
+    with contextlib.closing(ServiceStore(copied)) as store:
+        noted = Requests(store)
+        for user in ("anna", "[red]"):
+            with noted.noted("hold", {"press": "a"}, Asker(user, "operate", "10.0.0.7"), "directrix-panel"):
+                pass
+        noted.close()
+    words = ["state", "requests", "--state", str(copied)]
+    told = json.loads(CliRunner().invoke(app, [*words, "--json"]).stdout)
+    assert [row["user"] for row in told["requests"]] == ["[red]", "anna"]
+    assert told["requests"][0]["peer"] == "directrix-panel"
+    shown = CliRunner().invoke(app, words).stdout
+    assert "anna" in shown and "[red]" in shown and "10.0.0.7" in shown
+    assert CliRunner().invoke(app, [*words[:-1], str(copied / "none")]).exit_code == 1

@@ -13,7 +13,7 @@ import pytest
 from support.machines.traced_programs import mill
 from support.oracles import reference_interpreter
 
-from controller.program import blocks, decoding, linked
+from controller.program import blocks, linked, source_text
 from controller.program.program import Block, ProgramError, Remark
 
 MILL = mill()
@@ -43,6 +43,13 @@ def test_inside_of_a_program_they_are_refused(byte: bytes) -> None:
     with pytest.raises(ProgramError, match=f"control character 0x{byte[0]:02X}") as refused:
         read(b"G0 X1.\nX1" + byte + b"2.\nM30\n")
     assert (refused.value.line, refused.value.column) == (2, 3)
+
+
+@pytest.mark.parametrize("byte", [b"\x03", b"\x04", b"\x1a"])
+def test_behind_the_closing_percent_they_end_all_that_was_sent(byte: bytes) -> None:
+    assert read(BODY + b" \r\n" + byte + b" \xff garbage \x01\n") == read(BODY)
+    with pytest.raises(ProgramError, match="control character"):
+        read(b"%\nG0 X1.\n" + byte + b"\nX2.\n%\n")
 
 
 @pytest.mark.parametrize("end", [b"\n", b"\r\n", b"\r"])
@@ -105,10 +112,10 @@ def test_lines_come_as_they_stand_however_the_text_is_parted(monkeypatch: pytest
     rng = random.Random(5)
     for _ in range(300):
         text = "".join(rng.choice(("\r\n", "\r", "\n", "X1", "é", "")) for _ in range(rng.randrange(30)))
-        whole = decoding.NEWLINE.split(text)
-        parted = decoding.Text("", memoryview(text.encode()), "utf-8")
+        whole = source_text.NEWLINE.split(text)
+        parted = source_text.Text("", memoryview(text.encode()), "utf-8")
         for part in (1, 2, 3, 7, 1000):
-            monkeypatch.setattr(decoding, "PART", part)
+            monkeypatch.setattr(source_text, "PART", part)
             assert list(parted.lines()) == whole, (text, part)
 
 

@@ -6,8 +6,8 @@ import pytest
 from support.machines.shipped_kinds import machine
 
 from controller.program import blocks, flow, words
-from controller.program.decoding import text_of
 from controller.program.program import JointLine, ProgramError
+from controller.program.source_text import text_of
 
 SUM = "o100 sub\nG0X#1\no101 if [#1 gt 0]\no100 call [#1 - 1]\no101 endif\nG0Y#1\no100 endsub\n"
 

@@ -8,7 +8,7 @@ import pytest
 from support.machines.traced_programs import mill
 
 from controller.messages import LANGUAGES
-from controller.program import blocks, foreign_codes
+from controller.program import blocks, foreign
 from controller.program.code_table import BY_DIALECT
 from controller.program.program import ProgramError
 
@@ -35,6 +35,9 @@ def test_what_a_code_is_is_told_with_who_has_it() -> None:
         ("M80", "the door (Haas)"),
         ("M109", "a question to the operator (Haas)"),
         ("G36", "G31 or G38.2"),
+        ("G38.6", "by distances in mm (FluidNC)"),
+        ("G100", "the end of a mirror image (Haas), or a tool change with moves (Brother)"),
+        ("G101", "a mirror image (Haas)"),
         ("G10.6", "leave it out"),
         ("M150", "own_codes of [machine]"),
     ],
@@ -44,7 +47,7 @@ def test_advice_is_of_the_purpose(code: str, says: str) -> None:
 
 
 def test_every_row_has_its_texts_in_every_language_and_no_row_is_of_a_code_that_is_done_in_both() -> None:
-    for code, uses in foreign_codes.USES.items():
+    for code, uses in foreign.USES.items():
         assert not all(code in table for table in BY_DIALECT.values()), code
         for use in uses:
             for language in LANGUAGES.values():
@@ -54,7 +57,7 @@ def test_every_row_has_its_texts_in_every_language_and_no_row_is_of_a_code_that_
 
 @pytest.mark.parametrize("dialect", ["rs274", "fanuc"])
 def test_no_row_is_told_of_a_code_that_the_dialect_has(dialect: str) -> None:
-    for code in foreign_codes.USES:
+    for code in foreign.USES:
         if code not in BY_DIALECT[dialect]:
             key = refusal(code, dialect).said["key"]
             assert key in ("code.foreign", "code.other_dialect", "code.not_done")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from support.machines.changer_bench import CHANGER, machine
 
 from controller.machine.model import Machine
-from controller.program.tool_change_words import _lifts
+from controller.program.output_words import _lifts
 from controller.runtime import checked
 from controller.runtime.stepped import SteppedMachine
 from controller.state.modes import Fault

@@ -8,7 +8,7 @@ from support.machines.shipped_kinds import machine
 from controller import messages
 from controller.machine.kinematics import kinematics_of
 from controller.plan.path import path
-from controller.program import blocks, comments
+from controller.program import blocks, source_text
 from controller.program.program import CutRuled, OperatorMessage, ProgramError
 
 POINTS = "X0. Y0. Z10.\n" + "\n".join(f"X{k}. Y0. Z10." for k in (3, 6, 9))
@@ -85,7 +85,7 @@ def test_a_program_that_ends_itself_is_refused_with_its_reason_where_it_does() -
     ],
 )
 def test_a_cycle_of_ours_ends_itself_in_the_readers_language(ends: str, key: str) -> None:
-    told = comments.ended(ends)
+    told = source_text.ended(ends)
     assert told["key"] == key
     for language in messages.LANGUAGES:
         shown = messages.text(told, language)

@@ -177,7 +177,7 @@ def test_what_does_nothing_here_is_told(number: int) -> None:
         ("#4001=1", "value.system_read"),
         ("#5041=1", "value.system_read"),
         ("#5101=1", "value.system_read"),
-        ("#100=#5101", "value.system"),
+        ("#100=#5101", "value.system_following"),
         ("#5201=1.", "value.system_external"),
         ("#11099=5.", "value.system_no_tool"),
         ("#10001=5.", "value.system_wear"),

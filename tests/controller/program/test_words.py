@@ -8,8 +8,8 @@ import pytest
 from support.suite.cases import each
 
 from controller.program import words
-from controller.program.decoding import text_of
 from controller.program.program import ProgramError
+from controller.program.source_text import text_of
 
 
 def lines(text: str) -> list[int]:

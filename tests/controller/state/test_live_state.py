@@ -171,7 +171,7 @@ def test_openapi_describes_what_the_tick_and_the_drives_tell() -> None:
     machine = shipped()
     row = node_status.drives(machine, live_state.blank(), {})[0]
     said = {"error.key", "error.values", "error.sentence"}
-    assert described(schema, "DriveFacts") == {*row, "temperature_c"} - {"error"} | said
+    assert described(schema, "DriveFacts") == {*row, "temperature_c", "load_off"} - {"error"} | said
     properties = schema["$defs"]["DriveFacts"]["properties"]
     assert all(one["description"] for one in properties.values())
 

@@ -89,15 +89,16 @@ def test_on_a_thread_a_tick_computes_the_rows_that_are_new(
 def test_no_tick_computes_the_joints_that_were_looked_ahead(monkeypatch: pytest.MonkeyPatch) -> None:
     """Also where the plan time of a tick is rounded otherwise than that of the period ahead."""
     taken: list[bool] = []
-    joints_at, stepped = Follow._joints_at, SteppedMachine(shipped(stock_s=0.03))
+    step, stepped = Follow.step, SteppedMachine(shipped(stock_s=0.03))
     stepped.come_up()
 
-    def noted(self: Follow, *given: Any) -> Any:
-        found = joints_at(self, *given)
-        if type(self) is Follow and self._foreseen is not None:
-            taken.append(found is self._foreseen.joints)
+    def noted(self: Follow, go: bool, foreseen: Any = None) -> Any:
+        before = self.joints
+        found = step(self, go, foreseen)
+        if type(self) is Follow and self.joints != before:
+            taken.append(foreseen is not None and self.joints is foreseen.joints)
         return found
 
-    monkeypatch.setattr(Follow, "_joints_at", noted)
+    monkeypatch.setattr(Follow, "step", noted)
     cut(PATH, stepped=stepped)
-    assert len(taken) > 300 and all(taken[:-1]), "the end alone is behind what is looked ahead"
+    assert len(taken) > 300 and all(taken[1:]), "the beginning alone is before anything is looked ahead"

@@ -68,6 +68,8 @@ def test_users_and_tokens_are_made_changed_and_removed_on_the_page(chromium: Any
         for typed in ("bert", PASSWORD):
             page.fill(".dx-ask input", typed)
             page.keyboard.press("Enter")
+        page.fill(".dx-ask input[type=password]", PASSWORD)  # before anything is changed
+        page.keyboard.press("Enter")
         page.wait_for_selector("tr[data-user=bert]")
         assert {row.name: row.role for row in users.all()} == {"chief": "set_up", "bert": "operate"}
         page.select_option("tr[data-user=bert] select", "view")
@@ -94,3 +96,28 @@ def test_users_and_tokens_are_made_changed_and_removed_on_the_page(chromium: Any
         page.wait_for_selector("#dx-said:has-text('chief')")  # the last one who sets up stays
         assert [row.name for row in users.all()] == ["chief"]
         context.close()
+
+
+def test_a_viewer_changes_the_own_password_and_ends_a_session_on_it(chromium: Any, tmp_path: Any) -> None:
+    with browser.fake_site(tmp_path) as site:
+        users = Store(tmp_path).users
+        users.set("bert", PasswordHasher().hash(PASSWORD), "view")
+        browser.until(lambda: lets_nobody_in(site), "a panel that knows of its users")
+        here, there = (chromium.new_context(locale="en-GB") for _ in range(2))
+        logged_in(there, site, "bert")
+        page = logged_in(here, site, "bert")
+        page.evaluate("dx.show('setup')")
+        page.click("[data-setup=users]")
+        page.click("#users-sessions tr:not(:has-text('this one')) button")
+        page.wait_for_selector("#users-sessions tr:nth-child(2)", state="detached")
+        before = users.all()
+        page.click("#users-own")
+        for typed in (PASSWORD, "battery staple"):
+            page.fill(".dx-ask input", typed)
+            page.keyboard.press("Enter")
+        page.wait_for_selector("#dx-said:has-text('another password')")
+        assert users.all() != before
+        page.click("#dx-log-out")
+        page.wait_for_url("**/login")
+        here.close()
+        there.close()

@@ -56,7 +56,7 @@ def test_a_program_that_was_checked_anew_is_drawn_anew_though_its_name_is_the_sa
     looker: Any, stepped: Site
 ) -> None:
     """With another offset or tool; the same for another text under the same name."""
-    folder = stepped.folder / "pictures"
+    folder = stepped.folder / "panel" / "pictures"
     (kept,) = [file for file in folder.glob("*.npz") if file.stem != "moved"]
     shape = pictures.load(kept)
     pictures.Shape(shape.tips + 5.0, *(getattr(shape, name) for name in shape.__slots__[1:])).save(

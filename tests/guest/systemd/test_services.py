@@ -24,7 +24,7 @@ from guest.systemd.services import (
     until,
 )
 
-LIMITS = {PANEL: 2.5, SERVICE: 5.0}
+LIMITS = {PANEL: 1.2, SERVICE: 1.7}
 API = "http://127.0.0.1:8080/api/v1"
 
 
@@ -74,7 +74,7 @@ def test_the_store_is_shared_by_the_panel_the_controller_and_root(machine: Machi
         assert (
             panel.get("http://127.0.0.1:8080/").status_code < 500
         )  # the page's packages live in the sandbox
-    machine.ask("load", path=str(next((STATE / "programs").glob("*.ngc"))), name="dry.ngc")
+    machine.ask("load", path=str(next((STATE / "panel" / "programs").glob("*.ngc"))), name="dry.ngc")
     until(lambda: (machine.status().get("job") or {}).get("state") == "loaded", machine.status)
     machine.ask("unload")
     assert [path for path in services.unreadable_for_the_panel() if "journal" not in path] == []

@@ -80,7 +80,8 @@ def form(name: str, text: bytes = TEXT, /, **fields: str) -> bytes:
 def assert_whole(store: Store) -> None:
     """Nothing beside the store, and in it names and contents in step."""
     assert os.listdir(store.folder.parent) == [store.folder.name]
-    top = {p.name for p in store.folder.iterdir()}
+    assert os.listdir(store.folder) == [store.own.name]
+    top = {p.name for p in store.own.iterdir()}
     assert top <= {"programs", "log_in", "store.sqlite", "store.sqlite-wal", "store.sqlite-shm"}
     listed = store.programs.list()
     files = {p.name for p in store.programs.folder.iterdir()} - {".incoming"}

@@ -30,9 +30,9 @@ from controller.messages import Key, message
 from controller.plan.report.picture import Shape
 from controller.plan.report.verdict import Verdict
 from controller.program import blocks
-from controller.program.effects import moves
 from controller.service import status, usage
 from controller.service.next_step import next_step
+from controller.service.preconditions import moves
 from controller.service.refusals import refused
 from controller.service.usage import Usage
 from controller.state.modes import ALL_AXES, Fault, Mode, fault_message
@@ -269,7 +269,7 @@ def draw(folder: Path) -> None:
     kinds, rows = np.array([0, 0, 1, 1, 1, 1, 0]), np.arange(n)
     axes, walls = np.tile([0.0, 0.0, 1.0], (n, 1)), np.empty((0, 6))
     shape = Shape(tips, kinds, rows, rows, walls, np.empty(0, dtype=int), 0.0, axes)
-    shape.save(folder / "pictures" / f"{DRAWN}.npz")
+    shape.save(folder / "panel" / "pictures" / f"{DRAWN}.npz")
 
 
 PASSED = {

@@ -68,7 +68,7 @@ class SteppedDoor(MovingDoor):
         walk = checked.walk_of(task, None, False)
         for _ in picture.watched(checked.path_of(task, walk.choices).items):
             pass
-        picture.shape().save(folder / "pictures" / f"{KEY}.npz")
+        picture.shape().save(folder / "panel" / "pictures" / f"{KEY}.npz")
         self.bench.begin(walk)
         while self._gone_on().spindle_rev_min == 0.0:
             pass  # the tool is there, and the next that moves are the axes

@@ -71,6 +71,7 @@ class FakeDrive:
         self.following_error = FakeFollowingError()
         self.in_position = True
         self.malformed = self.overdue = 0
+        self.load = None
         self.missed = -1
         self.next = position
         self.velocity_units = 1.0

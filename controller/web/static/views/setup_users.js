@@ -12,11 +12,11 @@ const ROLES = ["view", "operate", "set_up"];
 const MOST = 100; // of the last things that were asked for
 const RULES = { needs: "set_up" };
 const PASSWORD = { type: "password", autocomplete: "new-password", minlength: 8, maxlength: 200 };
-const told = { users: [], tokens: [], entries: [], wrong: "", role: "operate", made: null };
+const told = { users: [], tokens: [], entries: [], sessions: [], wrong: "", role: "operate", made: null };
 
 async function read() {
-  if (dx.user?.role !== "set_up") return;
-  const said = await Promise.all(["users", "tokens", `audit?most=${MOST}`].map((path) => call("GET", path, null, true)));
+  const of_set_up = dx.user?.role === "set_up" ? ["users", "tokens", `audit?most=${MOST}`] : [];
+  const said = await Promise.all(["sessions", ...of_set_up].map((path) => call("GET", path, null, true)));
   told.wrong = sentence(said.find(({ ok }) => !ok)?.body.error);
   for (const { ok, body } of said) if (ok) Object.assign(told, body);
   dx.draw();
@@ -39,6 +39,16 @@ async function new_password(name) {
   if (password && (await change("PATCH", `users/${name}`, { password })).ok) say(word("password_set", name));
 }
 
+async function own_password() {
+  const old = await ask_for(word("old_ask"), "users.set", "", { ...PASSWORD, autocomplete: "current-password", minlength: 1 });
+  const password = old && (await ask_for(word("new_ask"), "users.set", "", PASSWORD));
+  const said = password && (await change("PUT", "session/password", { old, password }));
+  if (!said?.ok) return;
+  dx.user = said.body; // the session is another, and what goes with it
+  say(word("own_password_set"));
+  await read();
+}
+
 async function add_token() {
   const name = (await ask_for(word("token_ask"), "users.add", "", { maxlength: 40 }))?.trim();
   const said = name && (await change("POST", "tokens", { name, role: told.role }));
@@ -59,9 +69,16 @@ function RoleOf({ name, role }) {
 
 const Table = (props) => html`<${ScrolledTable} word=${word} ...${props} />`;
 
+// Of whoever is logged in: the own password, and the sessions that are open.
+const Own = () => html`
+  ${dx.user?.how === "session" && html`<div class="row"><${Act} id="users-own" text=${word("own_password")} needs="" press=${own_password} /></div>`}
+  ${told.sessions.length > 0 && html`<h2>${word("sessions")}</h2><${Table} columns=${["name", "began", "seen", ""]} body="users-sessions">${told.sessions.map((one) => html`<tr key=${one.id} data-session=${one.id}>
+    <th scope="row">${one.user}</th><td>${forms.date(one.began_s)}</td><td>${forms.date(one.seen_s)}</td>
+    <td>${one.mine ? word("this_one") : html`<${Act} text=${word("end_session")} aria-label=${`${word("end_session")} ${one.user}`} kind="warn" needs="" press=${() => change("DELETE", `sessions/${one.id}`)} />`}</td></tr>`)}<//>`}`;
+
 export function Users() {
   useEffect(() => void read(), []);
-  if (dx.user?.role !== "set_up") return html`<p class="dim">${text("why.set_up")}</p>`;
+  if (dx.user?.role !== "set_up") return html`<${Own} /><p class="dim">${text("why.set_up")}</p>`;
   const pick = (role) => ((told.role = role), dx.draw());
   return html`
     <${Wrong} text=${told.wrong} />
@@ -77,6 +94,7 @@ export function Users() {
     ${told.tokens.length > 0 && html`<h2>${word("tokens")}</h2><${Table} columns=${["name", "role", "by", "expires", ""]} body="users-tokens">${told.tokens.map((one) => html`<tr key=${one.name} data-token=${one.name}>
       <th scope="row">${one.name}</th><td>${word(`role.${one.role}`)}</td><td>${one.made_by}</td>
       <td>${one.expires_s ? forms.moment(one.expires_s) : word("never")}</td><td><${Remove} path="tokens" name=${one.name} /></td></tr>`)}<//>`}
+    <${Own} />
     <h2>${word("audit")}</h2>
     <${Table} columns=${["when", "name", "action", "outcome"]} body="users-audit">${told.entries.map((one) => html`<tr key=${one.id}>
       <td>${forms.date(one.at_s)}</td><td>${one.user || "–"} <span class="dim">${one.address}</span></td><td>${one.action} <span class="dim">${one.detail}</span></td>

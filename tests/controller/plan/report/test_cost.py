@@ -208,3 +208,11 @@ def test_the_longest_program_is_a_key_of_the_machine_file() -> None:
             machine_file.read(
                 text.replace("[machine]\n", f"[machine]\nlongest_program_h = {bad}\n"), "m.toml"
             )
+
+
+def test_straight_motions_that_rest_are_planned_many_at_once() -> None:
+    """Exact chords, as CAM systems write them: neither a window nor a search for each."""
+    chords = "".join(f"G1 X{0.2 * k:.3f} Y{0.02 * (k % 2):.3f} F3000\n" for k in range(400))
+    found, blocks, cost = looked_at(f"{chords}G0 Z5\n", mill())
+    assert len(blocks) == 401 and found.duration_s > 10.0
+    assert cost["plans"] <= 4 and cost["searches"] == 0

@@ -14,6 +14,7 @@ from support.machines.traced_programs import mill, trace
 
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Limits, Machine
+from controller.plan.report import planned
 from controller.plan.report.survey import MAX_SHARES, BlockUse, JointUse, Survey, survey
 from controller.program.program import ProgramError
 from controller.verify import tables
@@ -40,6 +41,53 @@ def looked_at(text: str, built: Machine | None = None) -> tuple[Survey, list[Blo
     built, blocks = built or mill(), list[BlockUse]()
     found = survey(trace(text, built).items, built, kinematics_of(built), blocks.append)
     return found, blocks
+
+
+CHORDS = """G0 X5 Y-5
+G1 X0 Y0 F3000
+X0.2 Y0.01
+X0.38 Y0.07
+X0.38 Z-0.5
+Y0.25 F600
+G0 Z5
+G2 X10 Y0 I4.81 J-0.125
+G1 X10.2 Y0.1 F1200
+Y0.3
+X90 F900
+X90.1 Y0.6
+C3
+X90 Y0.6 C3.5
+M0
+G81 X20 Y0 Z-3 R2 F200
+X21
+G80
+G1 X21.1 Y0.2
+M30
+"""
+
+
+def test_a_row_of_rests_is_surveyed_as_motion_after_motion(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Many straight motions at once have the ticks, shares, times and holes that each has alone."""
+    found, blocks = looked_at(CHORDS)
+    monkeypatch.setattr(planned._Windows, "_straights", lambda *_: [])
+    alone, one_by_one = looked_at(CHORDS)
+    assert found.ticks == alone.ticks
+    assert_near(found.to_dict(), alone.to_dict())
+    assert_near([one.to_dict() for one in blocks], [one.to_dict() for one in one_by_one])
+
+
+def assert_near(one: object, other: object) -> None:
+    """The same, but for the rounding of sums."""
+    if isinstance(one, dict) and isinstance(other, dict):
+        assert one.keys() == other.keys()
+        for key in one:
+            assert_near(one[key], other[key])
+    elif isinstance(one, list | tuple) and isinstance(other, list | tuple):
+        assert len(one) == len(other)
+        for a, b in zip(one, other, strict=True):
+            assert_near(a, b)
+    else:
+        assert one == (pytest.approx(other, abs=2e-6) if isinstance(one, float) else other)
 
 
 def block_of(blocks: list[BlockUse], line: int) -> BlockUse:

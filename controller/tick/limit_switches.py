@@ -1,0 +1,74 @@
+"""Limit switches on the inputs of the I/O node: an axis that goes on into one that is pressed has a fault.
+
+Away from it an axis may go at any time. Where the path leads, its command says which way it goes; a drive
+that homes by itself is seen by its position, and may give ``GIVE`` meanwhile. An input reads 1 where the
+switch is free, so a broken wire is a switch that is pressed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Final
+
+from controller.machine.model import Axis, Joints, Machine
+from controller.state.modes import Fault, Mode
+from controller.tick.mode import Modes
+
+GIVE = 0.1  # mm or degrees
+_HOMING: Final = Mode.HOMING
+_LED: Final = (Mode.RUNNING, Mode.HOLD, Mode.STOPPING, Mode.JOG)
+
+
+class LimitSwitches:
+    """Of all axes. Read ``present``: there are any."""
+
+    def __init__(self, machine: Machine) -> None:
+        self._ends = [
+            end for i, axis in enumerate(machine.axes) for end in _ends(machine, i, axis, machine.period_s)
+        ]
+        self.present = bool(self._ends)
+
+    def watch(
+        self, inputs: int, modes: Modes, new: Joints, last: Joints, actual: Sequence[float], ticks: int
+    ) -> None:
+        """``inputs``: 1 = free; ``new``, ``last``: the joints of the last two ticks; ``actual``: mm, rad."""
+        mode = modes.mode
+        for end in self._ends:
+            i = end.index
+            given = end.follow(bool(inputs & end.bit), actual[i], ticks)
+            into = end.sense * (new[i] - last[i]) > 0.0 if mode in _LED else mode is _HOMING and given
+            if into and not inputs & end.bit:
+                modes.fail(Fault.LIMIT_SWITCH, i)
+                return
+
+
+class End:
+    """One switch. Read: ``index`` (of its axis), ``bit`` (of the inputs), ``sense`` (1: above)."""
+
+    def __init__(self, index: int, bit: int, sense: float, give: float, most: float) -> None:
+        """``give``, and ``most`` that the axis moves in a tick: mm or rad."""
+        self.index, self.bit, self.sense = index, bit, sense
+        self._give, self._most = give, most
+        self._at, self._gone = math.nan, 0.0
+
+    def follow(self, free: bool, actual: float, ticks: int) -> bool:
+        """Whether the axis has gone on into it by more than it may; a new zero is no motion."""
+        step = self.sense * (actual - self._at)
+        self._at = actual
+        if free:
+            self._gone = 0.0
+        elif abs(step) <= self._most * ticks:
+            self._gone = max(0.0, self._gone + step)
+        return self._gone > self._give
+
+
+def _ends(machine: Machine, index: int, axis: Axis, period_s: float) -> list[End]:
+    """The switches of an axis; the senses of a rotary are those in which it is shown."""
+    if axis.limit_inputs is None or machine.io is None:
+        return []
+    per = axis.shown_per_unit
+    give, most = GIVE / abs(per), 2.0 * axis.limits.velocity * period_s
+    senses = ((axis.limit_inputs.lower, -1.0), (axis.limit_inputs.upper, 1.0))
+    rows = [(machine.io.input(name), math.copysign(sense, sense * per)) for name, sense in senses if name]
+    return [End(index, 1 << bit, sense, give, most) for bit, sense in rows if bit is not None]

@@ -1,0 +1,164 @@
+"""Every request to the machine is noted with who is behind it, and none goes beyond his role."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import os
+import socket
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from support.fakes.fake_engine import served
+from support.fakes.panels import Scene, take_control
+
+from controller import own_database
+from controller.api.service_client import SocketServiceClient
+from controller.commands.command import Access
+from controller.commands.table import ALL
+from controller.ipc import asker
+from controller.ipc.asker import Asker
+from controller.ipc.control_socket import Client, CommandRefused
+from controller.service import requests
+from controller.service.command_handlers import CommandHandlers
+from controller.service.requests import Requests
+from controller.service.service import Service
+from controller.service.socket_server import Server
+from controller.store import service_store
+
+MAY = {
+    "view": {Access.LOOK, Access.STOP},
+    "operate": {Access.LOOK, Access.STOP, Access.OPERATE, Access.MOVE},
+    "set_up": set(Access),
+}
+
+
+class Desk:
+    """A service with its door; ``rows`` are what is noted by now."""
+
+    def __init__(self, service: Service, path: Path) -> None:
+        self.service, self.path = service, path
+        self.requests, self.handlers = Requests(service.store), CommandHandlers(service)
+        self.server = Server(path, self.handlers, noted=self.requests.noted)
+        self.client = Client(path, 20.0)
+
+    def rows(self) -> list[dict[str, Any]]:
+        self.requests._writer.submit(int).result()
+        with own_database.reading(self.service.state / service_store.FILE) as sql:
+            return [*requests.listed(sql, 1000)][::-1]
+
+    def close(self) -> None:
+        self.client.close()
+        self.server.close()
+        self.requests.close()
+        self.handlers.close()
+        self.service.close()
+
+
+@pytest.fixture
+def desk(tmp_path: Path) -> Iterator[Desk]:
+    with contextlib.closing(Desk(served(tmp_path), tmp_path / "run" / "control.sock")) as made:
+        yield made
+
+
+@pytest.mark.parametrize("role", MAY)
+def test_a_role_may_give_the_commands_that_are_declared_for_it_and_no_others(desk: Desk, role: str) -> None:
+    for command in ALL:
+        code = ""
+        try:
+            desk.client.ask_for(Asker("anna", role, "10.0.0.7"), command.name, {"no": "such argument"})
+        except CommandRefused as error:
+            code = error.code
+        assert (code == "role") is (command.access not in MAY[role]), command.name
+    noted = {row["verb"]: row for row in desk.rows()}
+    assert noted.keys() == {command.name for command in ALL if command.access is not Access.LOOK}
+    for command in ALL:
+        if command.access is not Access.LOOK:
+            row = noted[command.name]
+            assert (row["user"], row["role"], row["address"]) == ("anna", role, "10.0.0.7")
+            assert row["peer"] == asker.name_of(os.geteuid())
+            assert (row["refused"] == "role") is (command.access not in MAY[role])
+
+
+def test_what_the_panel_asks_for_is_noted_with_user_role_and_address(desk: Desk, tmp_path: Path) -> None:
+    async def story() -> None:
+        door = SocketServiceClient(desk.path)
+        scene = await Scene(tmp_path / "panel", door=door).with_users()  # type: ignore[arg-type]
+        async with scene.client("operate", peer="10.0.0.7") as client:
+            await take_control(client)
+            await client.post("/api/v1/cycle/stop")
+            await client.put("/api/v1/overrides/feed", json={"share": 0.5})
+        async with scene.client("view", peer="10.0.0.8") as client:
+            assert (await client.post("/api/v1/cycle/stop")).status_code == 403
+            assert (await client.get("/api/v1/status")).status_code == 200
+        door.close()
+
+    asyncio.run(story())
+    found = [(row["user"], row["role"], row["address"], row["verb"]) for row in desk.rows()]
+    assert ("token script-operate", "operate", "10.0.0.7", "stop") in found
+    assert any(verb == "override" for *_, verb in found)
+    assert all(user == "token script-operate" for user, *_ in found)
+
+
+def test_who_names_nobody_is_the_user_at_the_socket_and_who_names_him_wrongly_is_refused(desk: Desk) -> None:
+    with contextlib.suppress(CommandRefused):
+        desk.client.ask("stop")
+    assert desk.rows()[-1]["user"] == asker.name_of(os.geteuid())
+    for by in ({}, [], "anna", {"user": "anna", "role": "king"}, {"user": "", "role": "view"}, {"user": 1}):
+        with contextlib.closing(socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)) as own:
+            own.connect(str(desk.path))
+            own.send(json.dumps({"id": 1, "verb": "estop", "by": by}).encode())
+            assert json.loads(own.recv(1 << 16))["error"]["key"] == "no_asker"
+
+
+def test_what_is_sent_while_a_key_is_held_is_noted_once_and_no_flood_is_kept(
+    desk: Desk, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(requests, "MAX_ROWS", 50)
+    monkeypatch.setattr(requests, "AGAIN_S", 1e9)
+    jog = {"frame": "joint", "axis": "X", "speed": 0.5, "press": "a"}
+    for _ in range(20):
+        with contextlib.suppress(CommandRefused):
+            desk.client.ask_for(Asker("anna"), "jog", jog)
+    assert sum(row["verb"] == "jog" for row in desk.rows()) <= 2  # taken, then refused
+    for number in range(120):
+        with contextlib.suppress(CommandRefused):
+            desk.client.ask_for(Asker(f"user{number}"), "hold", {})
+    desk.rows()
+    assert len(desk.rows()) <= 50 and desk.rows()[-1]["user"] == "user119"
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="a second user takes root to make")
+def test_nobody_is_asked_who_has_put_a_socket_where_anybody_may(tmp_path: Path) -> None:
+    """As in /tmp, before the service's own is there."""
+    place = Path(os.path.realpath(tmp_path)) / "anybody"
+    place.mkdir()
+    place.chmod(0o1777)
+    for above in place.parents[:3]:
+        above.chmod(above.stat().st_mode | 0o011)
+    heard, hears = os.pipe()
+    if (child := os.fork()) == 0:
+        os.setgid(64001)
+        os.setuid(64001)
+        (place / "run").mkdir(mode=0o755)
+        own = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        own.bind(str(place / "run" / "control.sock"))
+        os.chmod(place / "run" / "control.sock", 0o777)
+        own.listen()
+        os.write(hears, b"x")
+        came, _ = own.accept()
+        os.write(hears, came.recv(1000) or b"-")
+        os._exit(0)
+    assert os.read(heard, 1) == b"x"
+    client = Client(place / "run" / "control.sock", 20.0)
+    with contextlib.closing(client), pytest.raises(CommandRefused) as refused:
+        client.ask("status")
+    assert refused.value.said["key"] == "stranger_serves" and os.read(heard, 1000) == b"-"
+    os.waitpid(child, 0)
+    place.chmod(0o755)  # as /run: then it is the service's own user
+    assert asker.may_serve(64001, place / "run" / "control.sock")
+    (place / "run").chmod(0o775)
+    assert not asker.may_serve(64001, place / "run" / "control.sock")
