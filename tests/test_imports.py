@@ -43,7 +43,7 @@ ARROWS: dict[str, set[str]] = {
     # The machine's own geometry, and how a part lies, from what was measured.
     "calibration": VALUES | {"atomic_file", "program", "plan"},
     # A new machine step by step: moved, measured, and what came of it on record.
-    "bringup": VALUES | {"sealed_file", "ipc", "program", "verify", "calibration", "runtime"},
+    "bringup": VALUES | {"atomic_file", "sealed_file", "ipc", "program", "verify", "calibration", "runtime"},
     # Puts the parts together: clock, tick, plan and drives.
     "runtime": VALUES
     | {"sealed_file", "workers", "memory", "ipc", "program", "plan", "tick", "verify", "one_thread"},
@@ -51,7 +51,7 @@ ARROWS: dict[str, set[str]] = {
     "service": VALUES
     | {"atomic_file", "sealed_file", "store", "memory", "ipc", "program", "plan", "tick", "runtime"},
     "api": VALUES
-    | {"atomic_file", "sealed_file", "store", "ipc", "program", "plan", "verify", "calibration"},
+    | {"atomic_file", "sealed_file", "store", "ipc", "program", "plan", "verify", "calibration", "bringup"},
     "web": {"api", "messages"},
     "cad": {
         "geometry",
