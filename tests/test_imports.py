@@ -52,7 +52,13 @@ ARROWS: dict[str, set[str]] = {
     "api": VALUES
     | {"atomic_file", "sealed_file", "store", "ipc", "program", "plan", "verify", "calibration"},
     "web": {"api", "messages"},
-    "cad": {"geometry", "machine", "messages", "program", "plan"},  # faces of a CAD file as a program
+    "cad": {
+        "geometry",
+        "machine",
+        "messages",
+        "program",
+        "plan",
+    },  # faces, or rows of lines, as a program
     "post": {"geometry", "machine", "motion", "program", "plan"},  # a planned path as lines
     # Verbs of the command line: free, but for tick.
     "cli": VALUES

@@ -20,6 +20,7 @@ from controller.cad.curve import Array, Nurbs
 from controller.geometry.vectors import Vector, unit
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
+from controller.machine.tool_profile import flank_mm
 from controller.messages import TextError, message
 from controller.program import blocks, linked
 from controller.program.program import JointMotion, TipLine
@@ -30,6 +31,7 @@ CORNER_COSINE = 0.85  # of the turn between two lines, 32 degrees: the row ends 
 PLUNGE_COSINE = 0.7  # of the angle between travel and axis: the tool goes along its axis
 SAME_MM = 1e-6
 INCH_MM = 25.4
+MAX_ORDER = 24  # of MOVNRB; more than any CAM system writes
 
 
 class BadPath(TextError):
@@ -108,7 +110,7 @@ def _of_program(file: Path, machine: Machine) -> Iterator[Row]:
     def row() -> Iterator[Row]:
         if begun is not None and len(tips) >= MIN_POINTS:
             tool = begun.modal.tool_in(machine)
-            radius, flank = (None, None) if tool is None else (tool.radius_mm, tool.flank_mm)
+            radius, flank = (None, None) if tool is None else (tool.radius_mm, flank_mm(tool))
             number = begun.modal.tool
             yield Row(0, tuple(lines), np.array(tips), np.array(axes), radius, flank, None, number)
 
@@ -197,13 +199,13 @@ class _ClReader:
             self._rapid = True
         elif name in ("CUTTER", "TLDATA"):
             numbers = self._numbers(line, [v for v in values if v != "MILL"])
-            self._radius = 0.5 * numbers[0] * self._unit
+            self._radius = 0.5 * numbers[0] * self._unit if numbers[0] > 0.0 else None
             heights = numbers[6:7] if name == "CUTTER" else numbers[2:3]
             self._flank = heights[0] * self._unit if heights else None
             if any(numbers[4:6] if name == "CUTTER" else numbers[3:5]):
                 raise self._wrong(line, "cad.path.taper")
         elif name == "LOADTL":
-            self._tool = int(self._numbers(line, values[:1])[0])
+            self._tool = int(values[0]) if values[0].isascii() and values[0].isdigit() else None
             yield from self._ended()
         elif name == "GOTO":
             yield from self._to(line, self._numbers(line, values))
@@ -256,9 +258,9 @@ class _ClReader:
 
     def _nurbs_row(self, said: dict[str, list[float]]) -> Row:
         line, head = int(said["line"][0]), said["ON"]
-        if len(head) < 4:
+        order, count = int(head[0]), int(head[3]) if len(head) > 3 else 0
+        if len(head) < 4 or not 2 <= order <= MAX_ORDER:
             raise self._wrong(line, "cad.path.nurbs_head")
-        order, count = int(head[0]), int(head[3])
         knots, low, high = (said.get(what, []) for what in "123")
         if len(knots) != count + order or len(low) != 3 * count or len(high) != 3 * count:
             sizes = {"knots": len(knots), "low": len(low) / 3.0, "high": len(high) / 3.0}

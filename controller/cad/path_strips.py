@@ -232,13 +232,16 @@ def deviation(found: Recognised, written: Surface, radius_mm: float, right: bool
     """Of the lines of a row from the path on which P1 leads the tool along the surface as it is written."""
     pose = written.pose(np.linspace(0.0, 1.0, DENSE), radius_mm if right else -radius_mm, np)
     tips, axes = (np.stack([np.broadcast_to(c, DENSE) for c in v], axis=1) for v in (pose.tip, pose.axis))
-    row = found.rows[0]
-    if not len(row.tips):
-        return Off(0.0, 0.0, 0.0)
-    off, axis = _from_path(row.tips, tips, axes)
-    turned = np.linalg.norm(axis - row.axes, axis=1)
-    between, _ = _from_path(0.5 * (row.tips[1:] + row.tips[:-1]), tips, axes)
-    return Off(float(off.max()), math.degrees(2.0 * math.asin(min(1.0, turned.max() / 2.0))), between.max())
+    ends, along = found.rows[0].tips, found.rows[0].axes
+    if not len(ends) and (curves := found.rows[0].curves) is not None:  # no lines: the curves themselves
+        ends, above = (curve.at(np.linspace(0.0, 1.0, 101)) for curve in curves)
+        along = (above - ends) / np.linalg.norm(above - ends, axis=1)[:, None]
+    off, axis = _from_path(ends, tips, axes)
+    turned = np.linalg.norm(axis - along, axis=1).max()
+    between, _ = _from_path(0.5 * (ends[1:] + ends[:-1]), tips, axes)
+    return Off(
+        float(off.max()), math.degrees(2.0 * math.asin(min(1.0, turned / 2.0))), between.max(initial=0.0)
+    )
 
 
 def _from_path(points: Array, tips: Array, axes: Array) -> tuple[Array, Array]:

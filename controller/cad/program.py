@@ -18,6 +18,7 @@ from controller.cad import words
 from controller.cad.curve import Array, Nurbs
 from controller.cad.strip import Strip
 from controller.machine.model import Machine, Tool
+from controller.machine.tool_profile import flank_mm
 from controller.messages import TextError, message
 
 MEET_MM = 1e-3  # ends of rulings that are nearer are one
@@ -202,7 +203,7 @@ def tools_for(strips: Sequence[Strip], machine: Machine) -> list[Tool]:
     fits = [
         tool
         for tool in (one.worn for one in machine.tools)
-        if tool.radius_mm <= FITS * tightest and tool.flank_mm >= longest
+        if tool.radius_mm <= FITS * tightest and flank_mm(tool) >= longest
     ]
     return sorted(fits, key=lambda tool: (-tool.radius_mm, tool.length_mm))
 

@@ -105,6 +105,7 @@ def import_(
         if (suffix := file.suffix.lower()) in (*CL_SUFFIXES, *PROGRAM_SUFFIXES):
             of_faces = {"--whole": whole, "--prolong": prolong, "--other-side": other_side, "--move": move}
             of_faces |= {"--other-rulings": other_rulings, "--turn": turn, "--plot": plot}
+            of_faces["--placement"] = placement in ("optimal", "machine")  # the lines are those of P1
             if given := next((name for name, word in of_faces.items() if word), ""):
                 raise Refused(say("cli.import.path.of_cad", name=given, file=file))
             _check_there(file)

@@ -18,6 +18,7 @@ from controller.cad.path_strips import Off, Recognised
 from controller.cad.strip import Strip
 from controller.cli.new_files import save
 from controller.machine.model import Machine, Tool
+from controller.machine.tool_profile import flank_mm
 from controller.program import blocks
 from controller.verify.console import Refused, say, show, spoken, tell
 from controller.verify.tables import headed
@@ -50,7 +51,7 @@ def import_rows(
         raise Refused(say("cli.import.path.no_row", file=file))
     cutter = _tool(rows, machine, wish.tool)
     radius = rows[0].radius_mm or cutter.radius_mm
-    found = path_strips.recognised(rows, cutter.flank_mm, radius, wish.right, wish.tolerance_mm)
+    found = path_strips.recognised(rows, flank_mm(cutter), radius, wish.right, wish.tolerance_mm)
     if target is None:
         _show_list(file, found, radius, wish, as_json)
         return None
@@ -88,7 +89,7 @@ def _tool(rows: Sequence[Row], machine: Machine, number: int) -> Tool:
     if not same:
         key = "cli.import.path.no_cutter" if radius is None else "cli.import.path.no_radius"
         raise Refused(say(key, radius=radius or 0.0, known=known))
-    return max(same, key=lambda one: one.flank_mm)
+    return max(same, key=flank_mm)
 
 
 def _chosen(file: Path, found: Sequence[Recognised], asked: str) -> list[Recognised]:

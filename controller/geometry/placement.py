@@ -30,6 +30,7 @@ from dataclasses import dataclass, field, fields
 from enum import Enum
 from itertools import pairwise
 from types import ModuleType
+from typing import NamedTuple
 
 from controller.geometry.curves import Curve, Line
 from controller.geometry.surfaces import Surface, end_tangent
@@ -62,6 +63,13 @@ class Strategy(Enum):
     AUTO = 4  # the one of these that is least off
 
 
+class Barrel(NamedTuple):
+    """The arc of a flank that bows outward."""
+
+    radius_mm: float
+    middle_mm: float  # of the height above the tip
+
+
 @dataclass(frozen=True, slots=True)
 class Placed(Surface):
     """A surface with the cutter placed on it: all of ``base`` but for pose and axis.
@@ -80,6 +88,7 @@ class Placed(Surface):
     # The axis goes through the same u of both (upper, lower; mm), the tip ``shift_mm`` below the lower one.
     through: tuple[Curve, Curve] | None = None
     name: str = field(default="", repr=False, compare=False)  # under which a check keeps it
+    barrel: Barrel | None = None  # of the flank, which then touches the cone of all this in its middle
     lower: Curve = field(init=False, repr=False, compare=False)
     upper: Curve = field(init=False, repr=False, compare=False)
     ruling_curve: Curve = field(init=False, repr=False, compare=False)

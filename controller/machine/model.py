@@ -171,6 +171,34 @@ class Tool:
         scale=math.radians(1.0),
         default=0.0,
     )
+    end_mm: float | None = key(
+        Number(lambda here: here["radius_mm"]),
+        "radius of the end of a lens cutter, about a point of its axis",
+        default=None,
+        may_be="from `radius_mm`",
+        left_out="as `point_deg` has it",
+    )
+    point_rad: float = key(
+        Number(10.0, 180.0),
+        "angle of the point, as of a drill; 180: a flat end",
+        name="point_deg",
+        scale=math.radians(1.0),
+        default=math.pi,
+    )
+    barrel_mm: float | None = key(
+        Number(lambda here: 2.0 * here["flute_mm"]),
+        "radius of a flank that bows outward, its middle leaning by `taper_deg`",
+        default=None,
+        may_be="from twice `flute_mm`",
+        left_out="straight",
+    )
+    back_mm: float = key(
+        Number(0.0, lambda here: here["radius_mm"]),
+        "rounding above the flank, of a T-slot cutter; with `corner_mm` = `radius_mm`: a lollipop",
+        default=0.0,
+        may_be="up to `radius_mm`",
+        left_out="`0`",
+    )
     holder: Cylinders = key(
         Holder(HolderRow),
         "cylinders above the tip, a neck or a thick shank first; below them it is as the flute",
@@ -223,11 +251,6 @@ class Tool:
     )
 
     @property
-    def flank_mm(self) -> float:
-        """How far above the lower edge of a surface it cuts: its flute but for corner and ``below_mm``."""
-        return self.flute_mm - self.below_mm - self.corner_mm * (1.0 - math.sin(self.taper_rad))
-
-    @property
     def worn(self) -> Tool:
         """The tool as it is, its wear laid into radius, length and holder; a ball stays a ball."""
         if not (self.wear_radius_mm or self.wear_length_mm):
@@ -243,6 +266,19 @@ class Tool:
             wear_radius_mm=0.0,
             wear_length_mm=0.0,
         )
+
+
+def _check_form(here: Reading) -> None:
+    """End, barrel and back are of cutters of different kinds, of which only the barrel leans."""
+    forms = [name for name, usual in _FORMS.items() if here[name] not in (None, usual)]
+    if here["taper_rad"] and forms not in ([], ["barrel_mm"]):
+        forms.append("taper_rad")
+    if len(forms) > 1:
+        first, second = (one.replace("rad", "deg") for one in forms[:2])
+        here.table.refuse(second, "two_forms", other=first)
+
+
+_FORMS = {"end_mm": None, "point_rad": math.pi, "barrel_mm": None, "back_mm": 0.0}
 
 
 def _sync(here: Reading, name: str) -> str:
@@ -553,4 +589,8 @@ def _reference(axis: Axis, second: bool) -> float:
     return first if not second or axis.second_reference is None else axis.second_reference
 
 
-RULES: Mapping[type, Rules] = {Bus: Rules(checks=(_check_rate, _check_channel)), Machine: Rules(part=True)}
+RULES: Mapping[type, Rules] = {
+    Bus: Rules(checks=(_check_rate, _check_channel)),
+    Machine: Rules(part=True),
+    Tool: Rules(checks=(_check_form,)),
+}

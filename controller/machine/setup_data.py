@@ -50,7 +50,7 @@ MACHINE = "machine.json"  # the machine file that the service runs on, complete,
 KINDS = ("offsets", "tools", "shift", "references", "parameters", "pockets", "sisters")
 _OF_TOOLS = (
     "name, radius_mm, length_mm, flute_mm, corner_mm, taper_deg, holder, wear_radius_mm, wear_length_mm, "
-    "centre_cutting"
+    "centre_cutting, end_mm, point_deg, barrel_mm, back_mm"
 )
 Values = Mapping[str, Any]
 _log = logging.getLogger(__name__)
@@ -323,5 +323,11 @@ def _shown(machine: Machine, name: str) -> dict[str, Any]:
 
 
 def tools_of(machine: Machine) -> list[dict[str, Any]]:
-    """The tool table."""
-    return [{name: getattr(tool, name) for name in tool.__slots__} for tool in machine.tools]
+    """The tool table, each tool with the outlines of its bodies (rho and h, mm) by their kind."""
+    from controller.machine.tool_profile import whole
+
+    rows = []
+    for tool in machine.tools:
+        profile = [(body.name, body.outline().round(4).tolist()) for body in whole(tool)]
+        rows.append({**{name: getattr(tool, name) for name in tool.__slots__}, "profile": profile})
+    return rows

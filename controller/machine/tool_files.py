@@ -7,7 +7,8 @@
     {"tools": [{"number": 7, "description": "end mill", "DC": 6.0, "LF": 52.4, "APMX": 15.0, "RE": 0.5}]}
 
 DC is the cutting diameter, LF the functional length, APMX the length that cuts, RE the corner radius, mm;
-TAPER, the half angle of the flank in degrees, is our own. Rows are as ``setup_data.tools_of`` tells them.
+TAPER, the half angle of the flank in degrees, is our own, and so are POINT (degrees), BARREL, END and BACK,
+which only cutters of these forms have. Rows are as ``setup_data.tools_of`` tells them.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ _WORD = re.compile(r"([A-Z])\s*([-+]?(?:\d+\.?\d*|\.\d+))", re.IGNORECASE)
 _LINE = re.compile(rf"\s*(?:{_WORD.pattern}\s*)*", re.IGNORECASE)
 _OFFSETS = "XYABCUVW"  # of tools on lathes and of probes: none are known here
 ISO = {"DC": "radius_mm", "LF": "length_mm", "APMX": "flute_mm", "RE": "corner_mm", "TAPER": "taper_deg"}
+OTHER_FORMS = {"POINT": "point_deg", "BARREL": "barrel_mm", "END": "end_mm", "BACK": "back_mm"}
 MAX_NAME = 60
 
 
@@ -108,8 +110,10 @@ def _iso(row: Row) -> dict[str, Any]:
     values = {**row, "radius_mm": 2.0 * (row["radius_mm"] + row["wear_radius_mm"])}
     values["length_mm"] += row["wear_length_mm"]
     values["taper_deg"] = math.degrees(row["taper_rad"])
+    values["point_deg"] = math.degrees(row["point_rad"]) if row["point_rad"] < math.pi else None
+    forms = {iso: ours for iso, ours in OTHER_FORMS.items() if values[ours]}
     made = {"number": row["number"], "description": row["name"]}
-    return {**made, **{iso: round(values[ours], 9) for iso, ours in ISO.items()}}
+    return {**made, **{iso: round(values[ours], 9) for iso, ours in {**ISO, **forms}.items()}}
 
 
 def read_json(content: str, name: str) -> list[dict[str, Any]]:
@@ -125,7 +129,7 @@ def read_json(content: str, name: str) -> list[dict[str, Any]]:
 
 def _parsed_tool(row: Any, file: str, n: int) -> dict[str, Any]:
     """The nth tool of the list. Raises TableRefused."""
-    known = {"number", "description", *ISO}
+    known = {"number", "description", *ISO, *OTHER_FORMS}
     place: dict[str, object] = {"file": file, "nth": n}
     if not isinstance(row, dict):
         raise TableRefused("no_object", **place, allowed=", ".join(sorted(known)))
@@ -135,7 +139,7 @@ def _parsed_tool(row: Any, file: str, n: int) -> dict[str, Any]:
     if type(number) is not int or not 1 <= number <= 99999:
         raise TableRefused("not_whole", **place, found=repr(number))
     made: dict[str, Any] = {"number": number, "name": str(row.get("description", ""))[:MAX_NAME]}
-    for iso, ours in ISO.items():
+    for iso, ours in {**ISO, **OTHER_FORMS}.items():
         value = row.get(iso)
         if value is None:
             continue
@@ -178,39 +182,24 @@ def completed(rows: Iterable[Row], there: Mapping[int, Row], flute_mm: float | N
 
 def picture(row: Row) -> str:
     """The tool's profile as SVG, to scale: what cuts, the neck above it, the holder; the tip below."""
-    radius, flute, corner = row["radius_mm"], row["flute_mm"], min(row["corner_mm"], row["radius_mm"])
-    wider = math.tan(row["taper_rad"])
-    above = [part for part in row["holder"] or ()]
-    top = max([row["length_mm"], 1.2 * flute, *(high for _, high, _ in above)])
-    wide = max([radius + wider * flute, *(half for _, _, half in above)])
-    body = _outline(radius, flute, corner, wider)
-    neck = _box(flute, max(top if not above else above[0][0], flute), radius + wider * flute, "neck")
-    parts = [body, neck, *(_box(low, high, half, "holder") for low, high, half in above)]
+    points = [point for _, outline in row["profile"] for point in outline]
+    wide, top = max(rho for rho, _ in points), max(row["length_mm"], *(h for _, h in points))
     margin = 0.08 * max(top, 2.0 * wide)
     box = (-wide - margin, -top - margin, 2.0 * (wide + margin), top + 2.0 * margin)
-    measures = f"D {2.0 * radius:g}, {flute:g} mm cut, length {row['length_mm']:g} mm"
+    measures = f"D {2.0 * row['radius_mm']:g}, {row['flute_mm']:g} mm cut, length {row['length_mm']:g} mm"
+    bodies = "".join(_closed(*body) for body in row["profile"])
     title = escape(f"T{row['number']} {row['name']}: {measures}")
     style = (
-        ".cut{fill:#c9a227}.neck{fill:#9aa3ab}.holder{fill:#5b6670}"
+        ".cutter{fill:#c9a227}.shank{fill:#9aa3ab}.holder{fill:#5b6670}"
         f"path{{stroke:#222;stroke-width:{0.004 * box[3]:.4g}}}"
     )
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="{" ".join(f"{x:.4g}" for x in box)}" role="img">'
-        f"<title>{title}</title><style>{style}</style>{''.join(parts)}</svg>\n"
+        f"<title>{title}</title><style>{style}</style>{bodies}</svg>\n"
     )
 
 
-def _outline(radius: float, flute: float, corner: float, wider: float) -> str:
-    """What cuts, from the tip (y = 0) upwards, both sides; SVG's y leads down."""
-    half = radius + wider * flute
-    flat = radius - corner
-    arc = f"A{corner:.5g} {corner:.5g} 0 0 0 {radius:.5g} {-corner:.5g}" if corner else ""
-    back = f"A{corner:.5g} {corner:.5g} 0 0 0 {-flat:.5g} 0" if corner else ""
-    sides = f"L{half:.5g} {-flute:.5g}L{-half:.5g} {-flute:.5g}L{-radius:.5g} {-corner:.5g}"
-    return f'<path class="cut" d="M{-flat:.5g} 0L{flat:.5g} 0{arc}{sides}{back}Z"/>'
-
-
-def _box(low: float, high: float, half: float, what: str) -> str:
-    if high <= low:
-        return ""
-    return f'<path class="{what}" d="M{-half:.5g} {-low:.5g}H{half:.5g}V{-high:.5g}H{-half:.5g}Z"/>'
+def _closed(name: str, outline: Sequence[tuple[float, float]]) -> str:
+    """A body by its outline, both sides; SVG's y leads down."""
+    sides = [*outline, *((-rho, h) for rho, h in reversed(outline))]
+    return f'<path class="{name}" d="M{"L".join(f"{rho:.5g} {-h:.5g}" for rho, h in sides)}Z"/>'

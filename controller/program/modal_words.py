@@ -45,6 +45,9 @@ def apply(
     ``motion`` is the motion the line will make ("" = none); it says how F is counted.
     ``side_letters`` are the words of G40 to G42 on this line.
     """
+    waits = state.turn_feed is not None or state.length_number is not None
+    if ask.codes.keys() <= {"motion"} and not (ask.has("FST") or ask.switches or ask.gear or waits):
+        return state, []
     settings = _Settings(ask, motion, state, machine)
     settings.side_letters = side_letters
     settings.run()
@@ -228,7 +231,7 @@ class _Settings:
     def _name_tool(self) -> None:
         if self._machine.changer is not None:
             raise self.ask.refusal(self.ask.codes["tool change"][1], "tool.m61_changer")
-        word = self.ask.of("M61").words.get("Q")
+        word = self.ask.word("M61", "Q")
         if word is None:
             raise self.ask.refusal(self.ask.codes["tool change"][1], "tool.m61")
         if word.value != 0.0:
@@ -402,7 +405,7 @@ class _Settings:
 
     def _check_no_length(self) -> None:
         """H0 says beside G49 what it says."""
-        word = self.ask.of("G49").words.get("H")
+        word = self.ask.word("G49", "H")
         if word is not None and word.value != 0.0:
             raise self.ask.refusal(word, "tool.length_beside_g49")
 
@@ -415,7 +418,7 @@ class _Settings:
 
     def _length_word(self, code: str) -> Word | None:
         """H, or Z of G43.1; else H of a line before that had no G43."""
-        word = self.ask.of(code).words.get("Z" if code == "G43.1" else "H")
+        word = self.ask.word(code, "Z" if code == "G43.1" else "H")
         return self.state.length_number if word is None and code != "G43.1" else word
 
     def _tool_length_mm(self, code: str) -> float:
@@ -439,12 +442,14 @@ class _Settings:
             return
         if code := ask.code("offset"):
             index = self._offset(code)
-            state = state.with_origins(replace(state.origins, index=index), self._machine)
+            if index != state.origins.index:
+                state = state.with_origins(replace(state.origins, index=index), self._machine)
         modal = state.modal
         if code := ask.code("path"):
             blend = self._blend() if code == "G64" else (0.0, 0.0)
             exact = code != "G64"
-            modal = replace(modal, exact=exact, blend_mm=blend[0], blend_deg=blend[1], exact_joints=exact)
+            if (exact, *blend, exact) != (modal.exact, modal.blend_mm, modal.blend_deg, modal.exact_joints):
+                modal = replace(modal, exact=exact, blend_mm=blend[0], blend_deg=blend[1], exact_joints=exact)
         absolute = {"G90": True, "G91": False}.get(ask.code("distance"), state.absolute)
         centres = {"G90.1": True, "G91.1": False}.get(ask.code("centre"), state.centres_absolute)
         ends = {"G99": True, "G98": False}.get(ask.code("return"), state.to_clearance)
@@ -464,9 +469,9 @@ class _Settings:
     def _offset(self, code: str) -> int:
         word = self.ask.codes["offset"][1]
         name = code
-        if code == "G54" and "P" in self.ask.of(code).words:
+        if code == "G54" and (given := self.ask.word(code, "P")) is not None:
             code = "G54.1"
-            self.ask.lenient.append(("note.g54_p", self.ask.of("G54").words["P"]))
+            self.ask.lenient.append(("note.g54_p", given))
         if code in OLDER_OFFSETS:
             name = f"G54.1 P{OLDER_OFFSETS.index(code) + 1}"
         if code in ("G54.1", "G154"):
@@ -479,14 +484,13 @@ class _Settings:
 
     def _numbered(self, code: str, word: Word) -> int:
         """P of G54.1 and G154."""
-        number = self.ask.of(self.ask.code("offset")).words.get("P")
+        number = self.ask.word(self.ask.code("offset"), "P")
         if number is None or not 1 <= self.ask.whole(number) <= 48:
             raise self.ask.refusal(number or word, "offset.number", code=code)
         return int(number.value)
 
     def _blend(self) -> tuple[float, float]:
-        given = self.ask.of("G64").words
-        p, q = given.get("P"), given.get("Q")
+        p, q = (self.ask.word("G64", letter) for letter in "PQ")
         blend_mm = self.ask.not_negative(p) * self.state.mm_per_unit if p is not None else 0.0
         return blend_mm, self.ask.not_negative(q) if q is not None else 0.0
 
@@ -519,7 +523,7 @@ def overrides_after(ask: ParsedLine, modal: Modal, machine: Machine) -> Modal:
 
 def _is_on(ask: ParsedLine, code: str) -> bool:
     """P: 0 is off, 1 or nothing on."""
-    p = ask.of(code).words.get("P")
+    p = ask.word(code, "P")
     if p is not None and p.value not in (0.0, 1.0):
         raise ask.refusal(p, "override.on_or_off", code=code)
     return p is None or p.value == 1.0

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -115,16 +115,16 @@ def _starts(placed: Placed, dice: np.random.Generator) -> list[_Motion]:
     return [*firm, *(firm[k % 2].thrown(dice) for k in range(STARTS - len(firm)))]
 
 
-def _axis_found(placed: Placed, poses: int) -> tuple[Array, Array, Array]:
-    """Where the placed axis passes the edges, (poses, 3) each, and its radius at the lower one."""
+def _axis_found(placed: Placed, poses: int) -> tuple[Array, Array, Array, Array]:
+    """Where the placed axis passes the edges, (poses, 3) each; radius and height at the lower one."""
     u = np.linspace(0.0, 1.0, poses)
     tip, axis = (_rows(v, poses) for v in placed.pose(u, placed.offset_mm, np))
     low, high = (((_rows(c.at(u, np), poses) - tip) * axis).sum(axis=1) for c in (placed.lower, placed.upper))
     radius = abs(placed.offset_mm) + (low - placed.shift_mm) * math.tan(placed.taper_rad)
-    return tip + low[:, None] * axis, tip + high[:, None] * axis, radius
+    return tip + low[:, None] * axis, tip + high[:, None] * axis, radius, low
 
 
-def _normals(placed: Placed, poses: int) -> tuple[Array, Array, Array]:
+def _normals(placed: Placed, poses: int) -> tuple[Array, Array, Array, Array]:
     """The edges of the surface, each off along its own normal."""
     u, edges = np.linspace(0.0, 1.0, poses), list[Array]()
     inside = np.clip(u, 1e-6, 1.0 - 1e-6)  # a curve may stand still at its end
@@ -133,7 +133,8 @@ def _normals(placed: Placed, poses: int) -> tuple[Array, Array, Array]:
     for curve, share in ((placed.lower, 0.0), (placed.upper, 1.0 - BELOW_UPPER)):
         normal = _unit(np.cross((1.0 - share) * rates[0] + share * rates[1], ruling))
         edges.append(_rows(curve.at(u, np), poses) + placed.offset_mm * normal)
-    return edges[0], edges[1], np.full(poses, abs(placed.offset_mm))
+    low = np.full(poses, placed.shift_mm)
+    return edges[0], edges[1], np.full(poses, abs(placed.offset_mm)), low
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -144,16 +145,17 @@ class _Motion:
     low: Array  # (M, 3)
     high: Array
     radius: Array  # (M,) at the lower one
+    rise: Array  # (M,) of the lower one above the tip
     ways: Array  # (M, 2, 3) off the axis: out and along the travel
     scale: float  # mm, of a step
 
     @staticmethod
-    def of(placed: Placed, low: Array, high: Array, radius: Array) -> _Motion:
+    def of(placed: Placed, low: Array, high: Array, radius: Array, rise: Array) -> _Motion:
         axis = _unit(high - low)
         travel = np.gradient(low + high, axis=0)
         out = _unit(np.cross(axis, travel))
         ways = np.stack([out, np.cross(out, axis)], axis=1)
-        return _Motion(placed, low, high, radius, ways, 0.4 * abs(placed.offset_mm))
+        return _Motion(placed, low, high, radius, rise, ways, 0.4 * abs(placed.offset_mm))
 
     def moved(self, x: Array) -> _Motion:
         """By the splines of the control points ``x`` (rows of ``CONTROLS``)."""
@@ -161,7 +163,7 @@ class _Motion:
         low = self.low + (steps[:, :2, None] * self.ways).sum(axis=1)
         high = self.high + (steps[:, 2:4, None] * self.ways).sum(axis=1)
         radius = self.radius + (steps[:, 4] if steps.shape[1] > 4 else 0.0)
-        return _Motion(self.placed, low, high, radius, self.ways, self.scale)
+        return replace(self, low=low, high=high, radius=radius)
 
     def thrown(self, dice: np.random.Generator) -> _Motion:
         return self.moved(0.3 * self.scale * dice.normal(size=4 * CONTROLS))
@@ -179,9 +181,9 @@ class _Motion:
 
     def _finer(self, poses: int) -> _Motion:
         """The same by more poses, by cubics."""
-        rows = np.column_stack([self.low, self.high, self.radius])
+        rows = np.column_stack([self.low, self.high, self.radius, self.rise])
         fine = CubicSpline(np.linspace(0.0, 1.0, len(rows)), rows)(np.linspace(0.0, 1.0, poses))
-        return _Motion.of(self.placed, fine[:, :3], fine[:, 3:6], fine[:, 6])
+        return _Motion.of(self.placed, fine[:, :3], fine[:, 3:6], *fine[:, 6:].T)
 
     def _gaps(self, points: Array) -> tuple[Array, Array, Array]:
         """From points (N, 3) to the flank at each pose (N, M); heights above the lower points; distances."""
@@ -190,7 +192,15 @@ class _Motion:
         square = (points * points).sum(axis=1)[:, None] - 2.0 * points @ self.low.T
         square += (self.low * self.low).sum(axis=1)
         off = np.sqrt(np.maximum(square - height * height, 1e-18))
-        return off - self.radius - height * math.tan(self.placed.taper_rad), height, off
+        gap = off - self.radius - height * math.tan(self.placed.taper_rad)
+        return gap if self.placed.barrel is None else self._to_barrel(off, height), height, off
+
+    def _to_barrel(self, off: Array, height: Array) -> Array:
+        """The gap (N, M) where the flank is an arc about a point beyond the axis."""
+        (far, middle), lean = self.placed.barrel or (0.0, 0.0), self.placed.taper_rad
+        widest = self.radius + (middle - self.rise) * math.tan(lean)
+        across, up = off - widest + far * math.cos(lean), height + self.rise - middle - far * math.sin(lean)
+        return np.asarray((np.hypot(across, up) - far) / self._cosine)
 
     def least(self) -> _Motion:
         """With the largest deviation made least."""

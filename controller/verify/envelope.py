@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.geometry.arrays import distinct
-from controller.verify.bodies import Body
+from controller.machine.tool_profile import Body
 from controller.verify.sweep import Around, Sweep
 
 Array = NDArray[np.float64]

@@ -18,6 +18,7 @@ from controller.geometry.defects import concave_radius
 from controller.geometry.placement import Strategy
 from controller.geometry.surfaces import Surface
 from controller.geometry.vectors import Frame
+from controller.machine import tool_profile
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine, Tool
 from controller.messages import Message
@@ -42,7 +43,7 @@ GAIN = 1.05  # a further placement is worth it where its radius is larger by tha
 class Best:
     """The largest radius of one kind of cutter; 0 where none keeps the tolerance."""
 
-    kind: str  # 'cylinder', 'taper', 'ball', 'bull nose'
+    kind: str  # as ``kind_of``
     taper_deg: float
     radius_mm: float
     placement: str
@@ -147,16 +148,27 @@ def largest(
 
 
 def scaled(shape: Tool, radius_mm: float, flank_mm: float = 0.0, length_mm: float = 0.0) -> Tool:
-    """The same kind of cutter in another radius: its corner grows with it, its flank is so long."""
-    corner = shape.corner_mm * radius_mm / shape.radius_mm
-    made = replace(shape, radius_mm=radius_mm, corner_mm=corner, holder=(), length_mm=length_mm)
-    return replace(made, flute_mm=made.flute_mm - made.flank_mm + flank_mm)
+    """The same kind of cutter in another radius: its rounded parts grow with it, its flank is so long."""
+    share = radius_mm / shape.radius_mm
+    end = None if shape.end_mm is None else share * shape.end_mm
+    corner, back = share * shape.corner_mm, share * shape.back_mm
+    made = replace(shape, radius_mm=radius_mm, corner_mm=corner, end_mm=end, back_mm=back)
+    made = replace(made, holder=(), length_mm=length_mm)
+    return replace(made, flute_mm=made.flute_mm - tool_profile.flank_mm(made) + flank_mm)
 
 
 def kind_of(tool: Tool) -> str:
     """What a cutter is called by its shape."""
+    if tool.barrel_mm is not None:
+        return "barrel"
     if tool.taper_rad > 0.0:
         return "taper"
+    if tool.end_mm is not None:
+        return "lens"
+    if tool.point_rad < math.pi:
+        return "drill"
+    if tool.back_mm > 0.0:
+        return "lollipop" if tool.corner_mm >= tool.radius_mm else "T-slot"
     if tool.corner_mm <= 0.0:
         return "cylinder"
     return "ball" if tool.corner_mm >= tool.radius_mm else "bull nose"

@@ -27,13 +27,13 @@ from numpy.typing import NDArray
 
 from controller.geometry.vectors import Vector
 from controller.machine.model import Tool, WorkTable
+from controller.machine.tool_profile import Body, whole
 from controller.messages import Key, Message, message, text
 from controller.plan.report.stored import Overcut
 from controller.plan.report.verdict import Verdict
 from controller.plan.stretch import motion_named
 from controller.plan.surfaces.leads import LEADS
 from controller.verify import forms
-from controller.verify.bodies import Body, whole
 from controller.verify.looks import MIN_MM, NOT_CUT, Hurt, SurfaceGrid, blunts_of
 from controller.verify.nominal import Nominal
 from controller.verify.passes import extent_mm, height_mm

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from controller.geometry.arrays import columns, distinct
 from controller.geometry.vectors import Vector
 from controller.machine.model import Tool
-from controller.verify.bodies import cutter
+from controller.machine.tool_profile import cutter
 from controller.verify.envelope import deviation
 from controller.verify.nominal import Nominal, grid, peaks
 from controller.verify.passes import height_mm

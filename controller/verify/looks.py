@@ -32,7 +32,7 @@ from controller.geometry import arc_length
 from controller.geometry.arrays import distinct
 from controller.geometry.curves import ArcLength
 from controller.machine.model import Tool
-from controller.verify.bodies import Body, blunt, cutter
+from controller.machine.tool_profile import Body, blunt, cutter, flank
 from controller.verify.envelope import PATCH, at_least, deviation, nearest
 from controller.verify.nominal import Nominal, grid
 from controller.verify.sweep import Pass, Sweep
@@ -256,9 +256,8 @@ class SurfaceGrid:
 
     def _hollows(self) -> Flags:
         """Where the surface bends more tightly than the cutter at that height."""
-        tool = self.nominal.tool
-        height = (1.0 - self.v) * self.nominal.size[1]
-        radius = tool.radius_mm + height * np.tan(tool.taper_rad)
+        bare = flank(self.nominal.tool)
+        radius = bare.radius_mm(bare.begins_mm + (1.0 - self.v) * self.nominal.size[1])
         return np.asarray(self.nominal.hollow(self.u, self.v) * radius > 1.0 + 1e-9)
 
     def _others(self) -> Iterator[ToolSweep]:
@@ -325,7 +324,7 @@ class SurfaceGrid:
     @property
     def _endless(self) -> Body:
         """The cutter as if it cut over all of its length."""
-        return replace(self._cutter, top_mm=self._cutter.top_mm + 2.0 * self.nominal.ball[1])
+        return self._cutter.longer(2.0 * self.nominal.ball[1])
 
     def _blunt_bodies(self) -> Iterator[Hurt]:
         """What does not cut, and is in the surface, or comes to what no cut has taken before."""

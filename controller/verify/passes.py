@@ -18,6 +18,7 @@ from controller.geometry.arrays import distinct
 from controller.geometry.placement import Strategy
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine, Tool
+from controller.machine.tool_profile import whole
 from controller.motion.motions import SurfaceCut, ToolSpline
 from controller.plan.path.outputs import PROBE
 from controller.plan.rotaries.branch import joints_along
@@ -25,7 +26,6 @@ from controller.plan.stretch import Stretch
 from controller.plan.surfaces.blending import allowed_by
 from controller.plan.surfaces.cuts import strategy, tolerance_mm
 from controller.program.program import Block
-from controller.verify.bodies import whole
 from controller.verify.nominal import Nominal
 from controller.verify.sweep import FIT_MM, Pass, Poses, sampled
 from controller.verify.trace import Trace, forward

@@ -20,7 +20,7 @@ from support.parts.paper_surfaces import example_2  # noqa: E402
 from support.suite import figures  # noqa: E402
 from support.suite.figures import Figure, Report  # noqa: E402
 
-from controller.verify.bodies import cutter  # noqa: E402
+from controller.machine.tool_profile import cutter  # noqa: E402
 from controller.verify.envelope import deviation  # noqa: E402
 
 ROOT = Path(__file__).parents[2]

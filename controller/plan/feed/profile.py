@@ -26,8 +26,8 @@ from controller.motion.motions import JointMove
 from controller.plan.feed import cruise, row_law, search, ticked
 from controller.plan.feed.course import FeedCourse, Index, least_passed, unhindered
 from controller.plan.feed.law import split, straight
-from controller.plan.feed.tool_limits import has_limits
-from controller.plan.junctions import STOP_SHARE
+from controller.plan.feed.tool_limits import goes_straight, has_limits
+from controller.plan.junctions import MARGIN, STOP_SHARE
 from controller.plan.stretch import Stretch
 from controller.plan.surfaces.rates import Derivatives
 
@@ -233,24 +233,31 @@ def straights(course: FeedCourse) -> list[Law]:
 
 def is_straight(stretch: Stretch, machine: Machine) -> bool:
     """Whether its closed form is known without a look at its way."""
-    move = stretch.motion
-    return _is_even(stretch, machine) and isinstance(move, JointMove) and isinstance(move.curve, Line)
+    motion = stretch.motion
+    return _is_even(stretch, machine) and isinstance(motion, JointMove) and isinstance(motion.curve, Line)
 
 
 def _is_even(stretch: Stretch, machine: Machine) -> bool:
-    """Whether one feed and the joints' limits alone hold for a motion whose rotaries turn evenly."""
+    """Whether one feed holds for a motion whose rotaries turn evenly, and of the tool's limits at most one.
+
+    Where the rotaries stand the tip goes as X Y Z do: on a straight way its acceleration is that of s.
+    """
     if not isinstance(stretch.motion, JointMove) or len(stretch.feed_steps) > 1:
         return False
-    return stretch.feed_mm_s is None or not has_limits(machine)
+    return stretch.feed_mm_s is None or not has_limits(machine) or goes_straight(stretch.motion)
 
 
 def _most(course: FeedCourse, d: Derivatives, index: Index) -> list[Array]:
-    """Velocity, acceleration and jerk along the stretches ``index`` that the joints allow, (N,) each."""
+    """Velocity, acceleration and jerk along the stretches ``index`` that the limits allow, (N,) each."""
     rates = np.abs(d.first) + 1e-30
     limits = [
         course.limit(course.zeros[index], which, index) for which in ("velocity", "acceleration", "jerk")
     ]
-    return [np.asarray((limit / rates).min(axis=1)) for limit in limits]
+    velocity, acceleration, jerk = (np.asarray((limit / rates).min(axis=1)) for limit in limits)
+    if (most := course.machine.tip_acceleration_mm_s2) is not None:
+        fed = np.array([course.stretches[k].feed_mm_s is not None for k in index.tolist()])
+        acceleration = np.where(fed, np.minimum(acceleration, MARGIN * most), acceleration)
+    return [velocity, acceleration, jerk]
 
 
 def split_at_stops(

@@ -20,7 +20,9 @@ import numpy.typing as npt
 
 from controller.geometry import series as jets
 from controller.geometry.arrays import distinct
+from controller.geometry.curves import Line
 from controller.machine.model import Machine
+from controller.motion.motions import JointMove, Motion
 from controller.plan.feed.course import FeedCourse, Index
 from controller.plan.rotaries.branch import joints_along
 from controller.plan.surfaces.rates import Derivatives, derivatives
@@ -56,12 +58,22 @@ def rates(course: FeedCourse, s: Array, index: Index) -> ToolRates:
         stretch, here = course.stretches[k], index == k
         if stretch.feed_mm_s is None:
             continue
+        if goes_straight(stretch.motion):
+            found.along[here] = 1.0
+            continue
         local = np.clip(s[here] - course.zeros[k], 0.0, stretch.motion.end)
         q = joints_along(stretch, local, course.kinematics)
         one = _of_joints(q, derivatives(stretch, local, course.kinematics), course, length)
         for name in ("along", "bend_along", "bend_across", "turn"):
             getattr(found, name)[here] = getattr(one, name)
     return found
+
+
+def goes_straight(motion: Motion) -> bool:
+    """Whether the tip goes straight with X Y Z, a millimetre for each of s, while the rotaries stand."""
+    if not isinstance(motion, JointMove) or not isinstance(motion.curve, Line):
+        return False
+    return motion.start_rotaries == motion.end_rotaries
 
 
 def rates_in(course: FeedCourse, s: Array, index: Index) -> ToolRates | None:

@@ -21,6 +21,7 @@ import numpy.typing as npt
 
 from controller.geometry.vectors import ROUNDING, dot, subtract
 from controller.machine.model import Joints, Machine, Tool
+from controller.machine.tool_profile import flank, radii
 from controller.messages import Message, message
 from controller.plan.restart import contours
 from controller.plan.restart.reentry import NotPossible
@@ -41,22 +42,6 @@ class Overhang(NamedTuple):
     above_mm: float  # its lowest height above the tip
 
 
-def radii(tool: Tool, heights: Array) -> Array:
-    """How thick (radius, mm) a tool is at ``heights`` (N,) above its tip: cutter, shank and holder."""
-    corner = min(tool.corner_mm, tool.radius_mm)
-    sine, tangent = math.sin(tool.taper_rad), math.tan(tool.taper_rad)
-    low = np.clip(corner - heights, 0.0, corner)
-    end = tool.radius_mm - corner + np.sqrt(corner * corner - low * low)
-    up = np.minimum(heights, max(tool.flute_mm, corner)) - corner
-    flank = tool.radius_mm - corner + corner / math.cos(tool.taper_rad) + up * tangent
-    found = np.where(heights < corner * (1.0 - sine), end, flank)
-    for low_mm, high_mm, radius_mm in tool.holder:
-        found[(heights >= low_mm) & (heights <= high_mm)] = radius_mm
-    if tool.holder:
-        found[heights > tool.holder[-1][1]] = tool.holder[-1][2]
-    return np.asarray(found)
-
-
 def overhang(before: Tool, after: Tool, top_mm: float, off_mm: float = 0.0) -> Overhang | None:
     """How far ``after`` reaches out of ``before`` below ``top_mm`` above the tips; None where it does not.
 
@@ -64,8 +49,8 @@ def overhang(before: Tool, after: Tool, top_mm: float, off_mm: float = 0.0) -> O
     """
     tools = before, after
     ends = [h for tool in tools for low, high, _ in tool.holder for h in (low, high)]
-    highest = max(*ends, *(max(tool.flute_mm, tool.corner_mm) for tool in tools), 0.0)  # alike above
-    least = max(tool.corner_mm for tool in tools)
+    highest = max(*ends, *(tool.flute_mm for tool in tools), 0.0)  # alike above
+    least = max(flank(tool).begins_mm for tool in tools)
     heights = np.linspace(0.0, max(min(top_mm, highest + 1.0), least, EDGE_MM), SAMPLES)
     heights = np.unique(np.r_[heights, [h + d for h in ends for d in (-EDGE_MM, EDGE_MM) if h < top_mm]])
     out = radii(after, heights) - radii(before, heights) - off_mm

@@ -11,7 +11,8 @@ import numpy.typing as npt
 
 from controller.geometry.arrays import rows
 from controller.geometry.vectors import ROUNDING, Vector
-from controller.machine.model import Axis, Joints, Machine
+from controller.machine import tool_profile
+from controller.machine.model import Axis, Joints, Machine, Tool
 from controller.messages import Message, message
 from controller.motion.motions import SurfaceCut
 from controller.plan.surfaces import deviation
@@ -125,25 +126,29 @@ def surface_points(cuts: Sequence[Cut]) -> Array:
     return np.concatenate(columns, axis=1)
 
 
-def depth(points: Array, tips: Array, axes: Array, radius_mm: float, taper_rad: float = 0.0) -> float:
-    """Deepest that a cylinder on tips (3, M) along axes (3, M) reaches into ``points`` (3, N), mm.
+def depth(points: Array, tips: Array, axes: Array, tool: Tool) -> float:
+    """Deepest that the flank of a tool on tips (3, M) along axes (3, M) reaches into ``points`` (3, N), mm.
 
-    With a taper it is a cone, thicker upwards by that half angle. What lies below the tip's plane
-    the flat end does not touch. 0 where nothing is reached.
+    It is a cylinder, or the cone of a taper or about a barrel. What lies below the tip's plane
+    the end does not touch. 0 where nothing is reached.
     """
-    deepest = 0.0
-    for tip, axis in zip(tips.T, axes.T, strict=True):
-        away = points - tip[:, None]
-        height = axis @ away
-        square = np.einsum("ij,ij->j", away, away) - height * height
-        above = height > -1e-6
-        square = square[above]
-        if taper_rad and len(square):
-            gap = np.sqrt(np.maximum(square, 0.0)) - radius_mm - height[above] * math.tan(taper_rad)
-            deepest = max(deepest, -float(gap.min()) * math.cos(taper_rad))
-        elif len(square):
-            deepest = max(deepest, radius_mm - math.sqrt(max(0.0, float(square.min()))))
-    return deepest
+    poses = zip(tips.T, axes.T, strict=True)
+    return max(0.0, *(in_flank(*above(points, tip, axis), tool) for tip, axis in poses))
+
+
+def above(points: Array, tip: Array, axis: Array) -> tuple[Array, Array]:
+    """Of those ``points`` (3, N) that lie above a tip's plane: heights, and distances to the axis (M,)."""
+    away = points - tip[:, None]
+    height = axis @ away
+    square = np.einsum("ij,ij->j", away, away) - height * height
+    those = height > -1e-6
+    return height[those], np.sqrt(np.maximum(square[those], 0.0))
+
+
+def in_flank(height: Array, off: Array, tool: Tool) -> float:
+    """How deep the deepest of points (M,) is in it; below 0 the nearest is so far off it."""
+    cutter = tool_profile.flank(tool).radius_mm(height) - off
+    return float(cutter.max(initial=-np.inf)) * math.cos(tool.taper_rad)
 
 
 def depth_near(cut: Cut, points: Array, at_start: bool, reach_mm: float) -> float:
@@ -158,8 +163,7 @@ def depth_near(cut: Cut, points: Array, at_start: bool, reach_mm: float) -> floa
         points,
         np.array(part.to_parent(tip)) + shape,
         shape + _rows(part.turn(axis)),
-        cut.tool.radius_mm,
-        cut.tool.taper_rad,
+        cut.tool,
     )
 
 
@@ -177,7 +181,7 @@ def depth_in_turn(way: SurfaceCut, before: Cut, after: Cut) -> float:
     deepest = 0.0
     for cut, u in ((before, 1.0 - BESIDE * _JOINT_SHARES), (after, BESIDE * _JOINT_SHARES)):
         points = _beside(cut, u)
-        gap = deviation.at_poses(tips, axes, flank(cut), cut.tool.taper_rad, points)
+        gap = deviation.at_poses(tips, axes, flank(cut), points)
         deepest = max(deepest, -float(gap.min()))
     return deepest
 

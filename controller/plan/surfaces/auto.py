@@ -91,7 +91,7 @@ def _whole(way: Sequence[Cut], grids: Sequence[Grid], machine: Machine, name: st
     left = _by_cuts(way, grids)
     for tips, axes in beside:
         for k, (cut, grid) in enumerate(zip(way, grids, strict=True)):
-            left[k] = np.minimum(left[k], grid.left_by(tips, axes, cuts.flank(cut), cut.tool.taper_rad))
+            left[k] = np.minimum(left[k], grid.left_by(tips, axes, cuts.flank(cut)))
     return max(float(np.abs(one).max()) for one in left)
 
 

@@ -18,12 +18,14 @@ from controller.geometry.placement import AT_LOWER, Placed, Strategy, Turn
 from controller.geometry.rulings import smooth_parts
 from controller.geometry.surfaces import Cone, RuledSurface, Surface
 from controller.geometry.vectors import Number, Vector, add, cross, dot, norm, rotate, scale, subtract, unit
+from controller.machine import tool_profile
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine, Tool
 from controller.memory import remembered
 from controller.messages import Key, Message, message
 from controller.motion.motions import SurfaceCut
 from controller.plan.stretch import Diagnostics
+from controller.plan.surfaces import deviation
 from controller.plan.surfaces.placements import name_of
 from controller.plan.surfaces.placing import CHOSEN_FROM, Cutter, RequiredPlacement, Row, off_mm
 from controller.plan.surfaces.touching import touched
@@ -106,7 +108,7 @@ class Parts:
     def of(block: CutBlock, surface: Surface, tool: Tool) -> Parts:
         parts, shares = _parts(block, surface, False)
         free, free_shares = _parts(block, surface, True)
-        row = Row(parts, parts if shares == free_shares else free, _cutter(block.modal, tool))
+        row = Row(parts, parts if shares == free_shares else free, _cutter(block.modal, tool, surface))
         return Parts(block, tool, row, shares, free_shares)
 
     def shares(self, placed: Sequence[Surface]) -> tuple[Share, ...]:
@@ -189,8 +191,12 @@ def required_placements(block: CutBlock, machine: Machine) -> Iterator[RequiredP
         )
 
 
-def _cutter(modal: Modal, tool: Tool) -> Cutter:
-    return Cutter.of(tool, modal.side.value, modal.allowance_mm, tool.below_mm)
+def _cutter(modal: Modal, tool: Tool, surface: Surface) -> Cutter:
+    """The cutter with a barrel so far down that its middle meets that of the longest ruling."""
+    bare, below = tool_profile.flank(tool), tool.below_mm
+    if bare.barrel is not None:
+        below = max(below, bare.barrel.middle_mm - bare.begins_mm - 0.5 * _longest(surface))
+    return Cutter.of(tool, modal.side.value, modal.allowance_mm, below)
 
 
 def strategy(modal: Modal, tool: Tool, machine: Machine) -> Strategy:
@@ -287,11 +293,16 @@ def _audit_hollow(
 
 def _tell_flute(block: CutBlock, surface: Surface, tool: Tool, voice: Diagnostics) -> None:
     """A note where the longest ruling is longer than what the flank cuts."""
-    longest = max(float(norm(surface.ruling(i / 64.0))) for i in range(65))
-    if longest > tool.flank_mm:
-        flute = {"flute": tool.flute_mm, "flank": tool.flank_mm}
+    longest = _longest(surface)
+    if longest > (bare := tool_profile.flank_mm(tool)):
+        flute = {"flute": tool.flute_mm, "flank": bare}
         told = message("note.flute", tool=tool.number, longest=longest, **flute)
         voice.tell(block.place, told)
+
+
+def _longest(surface: Surface) -> float:
+    """About the longest ruling, mm."""
+    return max(float(norm(surface.ruling(i / 64.0))) for i in range(65))
 
 
 def gouge(what: Message, advice: Message, block: CutBlock, machine: Machine, voice: Diagnostics) -> None:
@@ -302,12 +313,13 @@ def gouge(what: Message, advice: Message, block: CutBlock, machine: Machine, voi
     voice.tell(block.place, message("gouge.told", what=what, advice=advice))
 
 
-def flank(cut: Cut) -> tuple[float, float]:
-    """Radius (mm) of the flank at the height of the tip as placed, and height from which it cuts."""
-    tool, surface = cut.tool, cut.motion.surface
+def flank(cut: Cut) -> deviation.Standing:
+    """That of a cut as it is placed."""
+    tool, surface, bare = cut.tool, cut.motion.surface, tool_profile.flank(cut.tool)
     low = surface.shift_mm if isinstance(surface, Placed) else 0.0
     offset = surface.offset_mm if isinstance(surface, Placed) else cut.motion.offset_mm
-    return abs(offset) - low * math.tan(tool.taper_rad), tool.corner_mm * (1.0 - math.sin(tool.taper_rad))
+    radius = abs(offset) - low * math.tan(tool.taper_rad)
+    return deviation.Standing(radius, tool.taper_rad, bare.barrel, bare.begins_mm)
 
 
 def edge(cut: SurfaceCut, u: float) -> Edge:

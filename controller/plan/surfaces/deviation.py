@@ -4,9 +4,13 @@ The moving flank is the union of the flanks of all its positions. A point p of t
 cut by the position whose flank comes nearest, so what is left on p (or, negative, cut too deep)
 is the least over u of
 
-    (e(u) - rho - (h(u) - shift) tan t) cos t        e, h: p seen from the axis at u,
+    s = (e(u) - rho - (h(u) - shift) tan t) cos t        e, h: p seen from the axis at u,
 
-rho the radius beside C1 and t the taper. End face, corner and holder are not in it: those are
+rho the radius beside C1 and t the taper. A barrel of radius B touches that cone in its middle: it leaves
+
+    hypot(B + s, q) - B        q: along the cone, from the barrel's middle.
+
+End face, corner and holder are not in it: those are
 looked at by the verifier, which judges the whole cutter.
 """
 
@@ -20,7 +24,7 @@ import numpy as np
 import numpy.typing as npt
 
 from controller.geometry.arrays import distinct, rows
-from controller.geometry.placement import Placed
+from controller.geometry.placement import Barrel, Placed
 from controller.geometry.surfaces import Surface
 from controller.geometry.vectors import Pose, Vector, dot, scale, subtract
 
@@ -70,7 +74,18 @@ class Flank(Protocol):
     def taper_rad(self) -> float: ...
     @property
     def shift_mm(self) -> float: ...
+    @property
+    def barrel(self) -> Barrel | None: ...
     def pose(self, u: Array, offset_mm: float, m: ModuleType) -> Pose: ...
+
+
+class Standing(NamedTuple):
+    """A flank by itself: radius (mm) at the height of the tip, and the height from which it cuts."""
+
+    radius_mm: float
+    taper_rad: float
+    barrel: Barrel | None
+    begins_mm: float
 
 
 class Contacts(NamedTuple):
@@ -154,8 +169,25 @@ def _gaps(placed: Flank, at: Array, u: Array) -> Array:
     away: Vector = subtract((x, y, z), tip)
     height = dot(away, axis)
     foot = subtract(away, scale(axis, height))
-    gap = np.sqrt(dot(foot, foot)) - height * math.tan(placed.taper_rad)
-    return np.asarray(gap).reshape(3, -1)
+    return _gap(placed, np.sqrt(dot(foot, foot)), height).reshape(3, -1)
+
+
+def _gap(placed: Flank, across: Array, height: Array) -> Array:
+    """From the flank across the axis, what is the same everywhere left out."""
+    tangent, cosine = math.tan(placed.taper_rad), math.cos(placed.taper_rad)
+    gap = np.asarray(across - height * tangent)
+    if placed.barrel is None:
+        return gap
+    same = abs(placed.offset_mm) - placed.shift_mm * tangent
+    return same + _bowed((gap - same) * cosine, height, placed.taper_rad, placed.barrel) / cosine
+
+
+def _bowed(left: Array, height: Array, taper_rad: float, barrel: Barrel | None) -> Array:
+    """What the barrel leaves where the cone that it touches leaves so much."""
+    if barrel is None:
+        return left
+    along = (height - barrel.middle_mm + left * math.sin(taper_rad)) / math.cos(taper_rad)
+    return np.asarray(np.hypot(barrel.radius_mm + left, along) - barrel.radius_mm)
 
 
 def _seen(placed: Flank, at: Array, u: Array) -> Deviation:
@@ -166,18 +198,18 @@ def _seen(placed: Flank, at: Array, u: Array) -> Deviation:
     across = np.sqrt((foot * foot).sum(axis=0))
     tangent, cosine = math.tan(placed.taper_rad), math.cos(placed.taper_rad)
     left = (across - abs(placed.offset_mm) - (height - placed.shift_mm) * tangent) * cosine
+    left = _bowed(left, height, placed.taper_rad, placed.barrel)
     return Deviation(left, u, height, -foot / np.maximum(across, 1e-12))
 
 
-def at_poses(tips: Array, axes: Array, flank: tuple[float, float], taper_rad: float, at: Array) -> Array:
-    """What the flank at poses (M, 3) leaves of the points ``at`` (3, N): (M, N) mm, inf below where it cuts.
-
-    ``flank``: its radius at the height of the tip, and the height from which it cuts (mm).
-    """
+def at_poses(tips: Array, axes: Array, flank: Standing, at: Array) -> Array:
+    """What the flank at poses (M, 3) leaves of points ``at`` (3, N): (M, N) mm, inf below where it cuts."""
     height = axes @ at - (axes * tips).sum(axis=1)[:, None]
     square = ((at[None] - tips[:, :, None]) ** 2).sum(axis=1) - height * height
-    gap = np.sqrt(np.maximum(square, 0.0)) - flank[0] - height * math.tan(taper_rad)
-    return np.where(height < flank[1], math.inf, gap * math.cos(taper_rad))
+    taper_rad = flank.taper_rad
+    gap = np.sqrt(np.maximum(square, 0.0)) - flank.radius_mm - height * math.tan(taper_rad)
+    left = _bowed(gap * math.cos(taper_rad), height, taper_rad, flank.barrel)
+    return np.where(height < flank.begins_mm, math.inf, left)
 
 
 def _nearest(placed: Flank, at: Array) -> Array:
@@ -189,10 +221,9 @@ def _nearest(placed: Flank, at: Array) -> Array:
 def _gaps_of(placed: Flank, u: Array, at: Array) -> Array:
     """Of every position ``u`` (M,) to every point (3, N): (M, N), what is the same everywhere left out."""
     tips, axes = (_stacked(v, u) for v in placed.pose(u, placed.offset_mm, np))
-    tangent = math.tan(placed.taper_rad)
     height = _products(axes, at) - (axes * tips).sum(axis=0)[:, None]
     square = (at * at).sum(axis=0) - 2.0 * _products(tips, at) + (tips * tips).sum(axis=0)[:, None]
-    return np.asarray(np.sqrt(np.maximum(square - height * height, 0.0)) - height * tangent)
+    return _gap(placed, np.sqrt(np.maximum(square - height * height, 0.0)), height)
 
 
 def _products(a: Array, b: Array) -> Array:

@@ -26,7 +26,7 @@ import numpy as np
 import numpy.typing as npt
 
 from controller.geometry.arrays import rows
-from controller.geometry.placement import Placed
+from controller.geometry.placement import Barrel, Placed
 from controller.geometry.vectors import Pose
 from controller.plan.surfaces import deviation
 from controller.plan.surfaces.axis_curves import Basis, turn_of
@@ -126,6 +126,10 @@ class _Axis:
     def shift_mm(self) -> float:
         return self.single.shift_mm
 
+    @property
+    def barrel(self) -> Barrel | None:
+        return self.single.barrel
+
     def pose(self, t: Array, offset_mm: float, m: ModuleType) -> Pose:
         """As ``Placed.pose``, over t of the whole row."""
         upper, lower = self.at(t)
@@ -162,16 +166,31 @@ class _Axis:
         between = np.einsum("nw,nwc->nc", values, (self.upper - self.lower)[at])
         long = np.sqrt((between * between).sum(axis=1))
         height = seen.height - self.shift_mm
-        cosine, tangent = math.cos(self.taper_rad), math.tan(self.taper_rad)
-        across = seen.left / cosine + abs(self.offset_mm) + height * tangent
+        across, cosine, tangent = self._leans(seen)
         high, away = (height / long)[:, None], seen.away.T
-        leans = (tangent * across / long)[:, None] * away
+        leans = tangent * across[:, None] / long[:, None] * away
         by_upper = cosine * (high * away + leans)
         by_lower = cosine * ((1.0 - high) * away - leans + tangent * between / long[:, None])
         ways = ways[at]
         each = [np.einsum("nc,nwkc->nwk", by, ways) for by in (by_upper, by_lower)]
         made = (now.per[:, None] * values)[:, :, None] * np.concatenate(each, axis=2)
         return Rows.of(made.reshape(len(made), -1), UNKNOWNS * first, UNKNOWNS * basis.size)
+
+    def _leans(self, seen: deviation.Deviation) -> tuple[Array, Array | float, Array | float]:
+        """Distance (N,) of contacts from the axis; cosine and tangent of the flank's lean there.
+
+        Of a barrel they are those of its arc, (N, 1); else those of the cone.
+        """
+        cosine, tangent = math.cos(self.taper_rad), math.tan(self.taper_rad)
+        out = abs(self.offset_mm) - self.shift_mm * tangent  # of the cone, at the tip
+        if self.barrel is None:
+            return seen.left / cosine + out + seen.height * tangent, cosine, tangent
+        radius, middle = self.barrel
+        away = radius + seen.left
+        sine = (middle - seen.height + radius * math.sin(self.taper_rad)) / away
+        there = np.sqrt(1.0 - sine * sine)
+        across = out + middle * tangent - radius * cosine + away * there
+        return across, there[:, None], (sine / there)[:, None]
 
     def price(self, ways: Array) -> tuple[Banded, Array]:
         """What bends cost, and its pull on the curves as they are."""
@@ -301,9 +320,9 @@ class _Search:
     def _levelled(self, axis: _Axis, size: float) -> _Axis:
         """The same axis, the lower curve where its foot of what it cuts of C1 is: there the tip belongs.
 
-        Not of a taper, which would become thicker where it slides along itself.
+        Not of a taper or a barrel, which would become thicker where it slides along itself.
         """
-        if axis.taper_rad != 0.0:
+        if axis.taper_rad != 0.0 or axis.barrel is not None:
             return axis
         u = _cosine(EDGE)
         edges = [deviation.points(one, u, np.ones(u.shape)) for one in self._singles]

@@ -445,5 +445,5 @@ class Room:
             return 0.0
         pose = self.kinematics.forward(tuple(joints.T), self.tool.length_mm, np)
         tips, axes = (np.array([np.broadcast_to(c, joints.shape[:1]) for c in v]) for v in pose)
-        depth = audit.depth(self.points, tips, axes, self.tool.radius_mm, self.tool.taper_rad)
+        depth = audit.depth(self.points, tips, axes, self.tool)
         return depth - self.allowed_mm

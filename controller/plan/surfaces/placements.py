@@ -13,7 +13,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from controller.geometry.placement import Placed
+from controller.geometry.placement import Barrel, Placed
 from controller.geometry.splines import BSpline, simplest, splined
 from controller.geometry.surfaces import Surface
 from controller.geometry.vectors import Vector
@@ -21,7 +21,7 @@ from controller.motion.motions import SurfaceCut
 from controller.plan.stretch import Chain, Pause
 from controller.plan.surfaces.axis_curves import SMOOTH
 
-FORMAT = 3  # another one where the same numbers would mean another pose
+FORMAT = 4  # another one where the same numbers would mean another pose
 MAX_PLACEMENTS = 20_000  # that are known at once, of 4 kB each at most
 NAME = 32  # letters
 Pair = tuple[float, float]
@@ -39,14 +39,16 @@ class Recipe:
     breaks: tuple[float, ...] = ()  # of both curves that the axis goes through
     upper: tuple[tuple[Vector, ...], ...] = ()  # their spans
     lower: tuple[tuple[Vector, ...], ...] = ()
+    barrel: Pair | None = None  # radius and height of its middle
 
     @staticmethod
     def of(placed: Placed) -> Recipe:
         values = placed.offset_mm, placed.points_v, placed.normals_v, placed.taper_rad, placed.shift_mm
+        barrel = None if placed.barrel is None else (*placed.barrel,)
         if placed.through is None:
-            return Recipe(*values)
+            return Recipe(*values, barrel=barrel)
         upper, lower = map(splined, placed.through)  # on the same knots, as placing makes them
-        return Recipe(*values, upper.breaks, upper.spans, lower.spans)
+        return Recipe(*values, upper.breaks, upper.spans, lower.spans, barrel)
 
     def on(self, base: Surface, name: str) -> Placed:
         """The cutter on that surface again, to the last bit."""
@@ -56,7 +58,8 @@ class Recipe:
             upper, lower = (BSpline(self.breaks, spans, (), smooth) for spans in (self.upper, self.lower))
             through = simplest(upper), simplest(lower)
         points, normals = self.points_v, self.normals_v
-        return Placed(base, self.offset_mm, points, normals, self.taper_rad, self.shift_mm, through, name)
+        parts = self.offset_mm, points, normals, self.taper_rad, self.shift_mm, through, name
+        return Placed(base, *parts, None if self.barrel is None else Barrel(*self.barrel))
 
     def to_dict(self) -> dict[str, Any]:
         return asdict(self)
@@ -71,7 +74,9 @@ class Recipe:
         if {len(upper), len(lower)} != {max(0, len(breaks) - 1)} or len({*map(len, (*upper, *lower))}) > 1:
             raise ValueError("spans and breaks do not fit")
         pairs = (float(va), float(vb)), (float(na), float(nb))
-        return Recipe(offset, *pairs, taper, shift, breaks, upper, lower)
+        radius, middle = values["barrel"] or (0.0, 0.0)
+        barrel = (float(radius), float(middle)) if radius else None
+        return Recipe(offset, *pairs, taper, shift, breaks, upper, lower, barrel)
 
 
 def _spans(values: Any) -> tuple[tuple[Vector, ...], ...]:

@@ -17,9 +17,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from controller.geometry.placement import AT_LOWER, Placed, Strategy
+from controller.geometry.placement import AT_LOWER, Barrel, Placed, Strategy
 from controller.geometry.surfaces import Surface
 from controller.machine.model import Tool
+from controller.machine.tool_profile import flank
 from controller.memory import remembered
 from controller.plan.surfaces import deviation, free_axis, placements
 from controller.plan.surfaces.axis_curves import joined
@@ -49,6 +50,7 @@ class Cutter:
     taper_rad: float
     shift_mm: float  # of the tip below the foot of the contact
     flank_mm: float = 0.0  # above the tip, where the corner ends
+    barrel: Barrel | None = None
 
     @staticmethod
     def of(tool: Tool, side: float, allowance_mm: float = 0.0, shift_mm: float = 0.0) -> Cutter:
@@ -56,11 +58,10 @@ class Cutter:
 
         ``shift_mm`` more than that; ``allowance_mm`` is what stays on the surface.
         """
-        corner, taper = tool.corner_mm, tool.taper_rad
-        begins = corner * (1.0 - math.sin(taper))
-        low = begins + shift_mm
-        flank = tool.radius_mm - corner + corner / math.cos(taper) + (low - corner) * math.tan(taper)
-        return Cutter(math.copysign(flank + allowance_mm * math.cos(taper), side), taper, low, begins)
+        bare, taper = flank(tool), tool.taper_rad
+        low = bare.begins_mm + shift_mm
+        offset = bare.radius_mm(low) + allowance_mm * math.cos(taper)
+        return Cutter(math.copysign(offset, side), taper, low, bare.begins_mm, bare.barrel)
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,7 +147,8 @@ def off_mm(row: Row, strategy: Strategy) -> float:
 
 
 def as_the_paper(surface: Surface, cutter: Cutter) -> Placed:
-    return Placed(surface, cutter.offset_mm, taper_rad=cutter.taper_rad, shift_mm=cutter.shift_mm)
+    lean, shift = cutter.taper_rad, cutter.shift_mm
+    return Placed(surface, cutter.offset_mm, taper_rad=lean, shift_mm=shift, barrel=cutter.barrel)
 
 
 def base_of(surface: Surface) -> Surface:
@@ -155,7 +157,8 @@ def base_of(surface: Surface) -> Surface:
 
 
 def _plain(surface: Surface, cutter: Cutter) -> Surface:
-    return surface if cutter.taper_rad == 0.0 and cutter.shift_mm == 0.0 else as_the_paper(surface, cutter)
+    is_plain = cutter.taper_rad == cutter.shift_mm == 0.0 and cutter.barrel is None
+    return surface if is_plain else as_the_paper(surface, cutter)
 
 
 @remembered(256)
@@ -281,9 +284,9 @@ class Grid:
         seen = deviation.of(placed, self.at)
         return self._along(seen.left, seen.away)
 
-    def left_by(self, tips: Array, axes: Array, flank: tuple[float, float], taper_rad: float) -> Array:
+    def left_by(self, tips: Array, axes: Array, flank: deviation.Standing) -> Array:
         """The same of poses (M, 3), inf where the flank is nowhere beside; see ``deviation.at_poses``."""
-        left = deviation.at_poses(tips, axes, flank, taper_rad, self.at)
+        left = deviation.at_poses(tips, axes, flank, self.at)
         k = np.argmin(left, axis=0)
         away = tips[k].T - self.at
         away -= axes[k].T * (axes[k].T * away).sum(axis=0)

@@ -20,9 +20,11 @@ from controller.geometry.surfaces import Surface
 from controller.geometry.vectors import Frame
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine, Tool
+from controller.machine.tool_profile import flank
 from controller.motion.motions import JointMove
 from controller.plan.rotaries.branch import joints_along
 from controller.plan.stretch import Stretch
+from controller.plan.surfaces import audit
 from controller.plan.surfaces.cuts import surface_of
 from controller.program.program import Block, CutBlock
 
@@ -100,7 +102,7 @@ class Walls:
         Below 0 so far off them; where that is more than ``APART_MM``, minus infinity.
         """
         depth, line = np.full(tips.shape[1], -np.inf), np.zeros(tips.shape[1], dtype=int)
-        widest = max(tool.radius_mm, *(wide for _, _, wide in tool.holder), 0.0)
+        widest = max(flank(tool).radius_mm(0.0), *(wide for _, _, wide in tool.holder), 0.0)
         for wall in self._walls:
             far = np.linalg.norm(tips - wall.low[:, None], axis=0).max()
             height = float(np.linalg.norm(wall.high - wall.low) + far)
@@ -174,15 +176,8 @@ def _places(stretch: Stretch) -> Array:
 
 def _depth(points: Array, tip: Array, axis: Array, tool: Tool) -> float:
     """The deepest of ``points`` (3, N) in a tool; below 0 the nearest is so far off it."""
-    away = points - tip[:, None]
-    height = axis @ away
-    above = height > -1e-6
-    if not above.any():
-        return -math.inf
-    height = height[above]
-    off = np.sqrt(np.maximum(np.einsum("ij,ij->j", away[:, above], away[:, above]) - height * height, 0.0))
-    cutter = tool.radius_mm + height * math.tan(tool.taper_rad) - off
-    deepest = float(cutter.max()) * math.cos(tool.taper_rad)
+    height, off = audit.above(points, tip, axis)
+    deepest = audit.in_flank(height, off, tool)
     for low, high, wide in tool.holder:
         there = (height >= low) & (height <= high)
         if there.any():

@@ -100,6 +100,9 @@ def test_two_curves_of_movnrb_are_one_surface_and_the_lines_below_are_compared(t
     (face,) = told["faces"]
     assert face["kind"] == "nurbs" and face["lines"] == 40
     assert face["height_mm"] == pytest.approx(10.0, abs=0.01) and face["tip_off_mm"] < 1e-3
+    file.with_name("alone.cl").write_text("\n".join(line for line in text if not line.startswith("GOTO")))
+    code, told = run(file.with_name("alone.cl"), "--list")
+    assert code == 0 and told["rows"][0]["tip_off_mm"] < 1e-3, told
     (found,) = cut(tmp_path / "curves.ngc")
     assert max(apart_mm(found, surface, v) for v in (0.0, 10.0)) < 0.005
 
@@ -142,6 +145,8 @@ def test_passes_beside_each_other_and_a_contour_in_a_plane_are_not_offered(tmp_p
         ("GOTO/1,2,3,0,0,0", "wall.cl:2: the tool axis"),
         ("CUTTER/10,0,0,0,5", "wall.cl:2: the cutter is tapered"),
         ("MOVNRB/5AXIS", "wall.cl:2"),
+        ("MOVNRB/5AXIS,LENGTH,9\nMOVNRB/ON,1,2,0,1,5\nMOVNRB/OFF", "wall.cl:3: MOVNRB/ON takes order"),
+        ("MOVNRB/5AXIS,LENGTH,9\nMOVNRB/ON,2,4,0,2,5\nMOVNRB/OFF", "wall.cl:3: curves of order 2"),
     ],
 )
 def test_what_is_wrong_in_a_cl_file_is_told_with_its_line(line: str, said: str, tmp_path: Path) -> None:
@@ -154,5 +159,6 @@ def test_what_is_wrong_in_a_cl_file_is_told_with_its_line(line: str, said: str, 
 def test_options_of_cad_files_are_refused(tmp_path: Path) -> None:
     file = tmp_path / "wall.cl"
     file.write_text("GOTO/1,2,3\n")
-    code, told = run(file, "--list", "--turn", "X90")
-    assert code == 1 and "--turn is for faces of a STEP file" in told["error"]
+    for words in (("--turn", "X90"), ("--placement", "optimal")):
+        code, told = run(file, "--list", *words)
+        assert code == 1 and f"{words[0]} is for faces of a STEP file" in told["error"]

@@ -476,6 +476,39 @@ def test_the_shape_of_a_tool_and_the_table_under_the_work_are_read(tmp_path: Pat
     assert machine.table.normal == (0.0, 0.0, 1.0) and machine.table.thickness_mm == 20.0
 
 
+TOOL = '[[tool]]\nnumber = 1\nname = "x"\nradius_mm = 2.0\nlength_mm = 80.0\nflute_mm = 20.0\n'
+
+
+def test_cutters_of_other_forms_are_read(tmp_path: Path) -> None:
+    more = "taper_deg = 10\nbarrel_mm = 85", "end_mm = 6.0", "point_deg = 118", "corner_mm = 2\nback_mm = 2"
+    rows = (TOOL.replace("1", str(k + 1)) + row for k, row in enumerate(more))
+    (tmp_path / "tools.toml").write_text("\n".join(rows))
+    (tmp_path / "mine.toml").write_text((machine_file.SHIPPED / "trunnion.toml").read_text())
+    barrel, lens, drill, lollipop = machine_file.load(str(tmp_path / "mine.toml")).tools
+    assert (barrel.barrel_mm, barrel.taper_rad) == (85.0, pytest.approx(math.radians(10.0)))
+    assert (lens.end_mm, lollipop.back_mm, barrel.end_mm, lens.barrel_mm) == (6.0, 2.0, None, None)
+    assert (drill.point_rad, lens.point_rad) == (pytest.approx(math.radians(118.0)), math.pi)
+
+
+@pytest.mark.parametrize(
+    ("row", "told"),
+    [
+        ("end_mm = 6.0\npoint_deg = 118.0", ":8: .*point_deg = 118.0: goes with another kind .* than end_mm"),
+        ("taper_deg = 5.0\nback_mm = 1.0", ":7: .*taper_deg = 5.0: goes with another .* than back_mm"),
+        ("end_mm = 1.9", ":7: .*end_mm = 1.9: .* a number from 2 on"),
+        ("barrel_mm = 39.0", ":7: .*barrel_mm = 39.0: .* a number from 40 on"),
+        ("back_mm = 2.5", ":7: .*back_mm = 2.5: .* from 0 to 2"),
+    ],
+)
+def test_a_tool_that_no_one_grinds_is_refused_with_what_is_allowed(
+    tmp_path: Path, row: str, told: str
+) -> None:
+    (tmp_path / "tools.toml").write_text(TOOL + row + "\n")
+    (tmp_path / "mine.toml").write_text((machine_file.SHIPPED / "trunnion.toml").read_text())
+    with pytest.raises(ConfigError, match=told):
+        machine_file.load(str(tmp_path / "mine.toml"))
+
+
 def test_a_corner_larger_than_the_cutter_is_refused(tmp_path: Path) -> None:
     (tmp_path / "tools.toml").write_text(
         '[[tool]]\nnumber = 1\nname = "x"\nradius_mm = 2.0\nlength_mm = 0\nflute_mm = 9\ncorner_mm = 2.5\n'

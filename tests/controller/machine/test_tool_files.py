@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ElementTree
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -11,7 +12,8 @@ import pytest
 from controller.machine import machine_file, tool_files
 from controller.machine.setup_data import tools_of, with_tool
 
-ROWS = tools_of(machine_file.load("trunnion"))
+MACHINE = machine_file.load("trunnion")
+ROWS = tools_of(MACHINE)
 
 
 def row(**changes: Any) -> dict[str, Any]:
@@ -36,6 +38,15 @@ def test_json_comes_in_as_it_went_out_and_the_machine_takes_it() -> None:
     assert tool is not None
     assert (tool.radius_mm, tool.corner_mm, tool.flute_mm) == (rows[0]["radius_mm"], 1.0, rows[0]["flute_mm"])
     assert math.degrees(tool.taper_rad) == pytest.approx(3.0)
+
+
+@pytest.mark.parametrize(
+    "form", [{"point_rad": math.radians(118.0)}, {"barrel_mm": 90.0}, {"end_mm": 9.0}, {"back_mm": 0.5}]
+)
+def test_a_cutter_of_another_form_comes_in_as_it_went_out(form: dict[str, float]) -> None:
+    (found,) = tool_files.read_json(tool_files.json_text([row(**form)]), "tools.json")
+    tool = with_tool(MACHINE, 9, {key: value for key, value in found.items() if key != "number"}).tool(9)
+    assert {name: getattr(tool, name) for name in form} == pytest.approx(form)
 
 
 def test_wear_goes_out_with_the_measures() -> None:
@@ -102,7 +113,8 @@ def test_the_length_that_cuts_is_never_guessed() -> None:
     [{}, {"corner_mm": 3.0}, {"taper_rad": 0.1}, {"holder": ((20.0, 50.0, 10.0),)}, {"name": "<&>"}],
 )
 def test_a_picture_is_svg_that_shows_all_of_the_tool(changes: dict[str, Any]) -> None:
-    one = row(length_mm=60.0, **changes)
+    tool = replace(MACHINE.tools[0], length_mm=60.0, **changes)
+    (one,) = tools_of(replace(MACHINE, tools=(tool,)))
     made = ElementTree.fromstring(tool_files.picture(one))
     x, y, wide, high = map(float, made.attrib["viewBox"].split())
     most = max([one["radius_mm"], *(half for _, _, half in one["holder"] or ())])
@@ -110,4 +122,4 @@ def test_a_picture_is_svg_that_shows_all_of_the_tool(changes: dict[str, Any]) ->
     title = made.find("{http://www.w3.org/2000/svg}title")
     assert title is not None and title.text is not None and one["name"] in title.text
     kinds = {path.attrib["class"] for path in made.iter("{http://www.w3.org/2000/svg}path")}
-    assert kinds == ({"cut", "neck", "holder"} if one["holder"] else {"cut", "neck"})
+    assert kinds == ({"cutter", "shank", "holder"} if one["holder"] else {"cutter", "shank"})

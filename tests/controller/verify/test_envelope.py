@@ -15,8 +15,8 @@ from support.parts.random_surfaces import compound
 from controller.geometry.curves import Bezier, Line
 from controller.geometry.surfaces import Cone, RuledSurface, Surface
 from controller.machine.model import Tool
+from controller.machine.tool_profile import cutter
 from controller.plan.surfaces.placing import Cutter, as_the_paper
-from controller.verify.bodies import cutter
 from controller.verify.envelope import ASIDE_MM, _best_sample, deviation, nearest
 from controller.verify.nominal import Nominal
 from controller.verify.sweep import Pass, Sweep
@@ -113,6 +113,9 @@ SHAPES = {
     "bull nose": Tool(1, "bull nose", 3.0, 0.0, 20.0, corner_mm=0.7),
     "tapered ball": Tool(1, "tapered ball", 1.0, 0.0, 20.0, corner_mm=1.0, taper_rad=math.radians(7.0)),
     "tapered bull nose": Tool(1, "bull", 2.0, 0.0, 20.0, corner_mm=0.5, taper_rad=math.radians(2.0)),
+    "barrel": Tool(1, "barrel", 2.0, 0.0, 20.0, corner_mm=0.5, barrel_mm=120.0),
+    "conical barrel": Tool(1, "cone", 1.5, 0.0, 20.0, corner_mm=1.5, taper_rad=0.1, barrel_mm=85.0),
+    "lens": Tool(1, "lens", 2.0, 0.0, 20.0, corner_mm=0.3, end_mm=6.0),
 }
 
 

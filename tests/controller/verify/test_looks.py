@@ -14,8 +14,8 @@ from controller.geometry import arc_length
 from controller.geometry.curves import Bezier
 from controller.geometry.placement import Placed
 from controller.geometry.surfaces import RuledSurface
+from controller.machine.tool_profile import cutter
 from controller.verify import looks
-from controller.verify.bodies import cutter
 from controller.verify.envelope import nearest
 from controller.verify.gouges import Findings, gouges
 from controller.verify.nominal import Nominal

@@ -19,6 +19,7 @@ from typer.testing import CliRunner
 from controller.__main__ import app
 from controller.machine import machine_file
 from controller.machine.model import Machine, Tool
+from controller.machine.tool_profile import flank_mm
 from controller.program import blocks
 from controller.program.program import ProgramError
 from controller.runtime import checked
@@ -131,7 +132,7 @@ def test_fit_names_only_tools_of_the_table_whose_flute_and_holder_let_them_cut(t
 def test_a_ball_is_fitted_with_a_flute_for_its_end_and_the_wall() -> None:
     ball = Tool(1, "ball", 1.0, 0.0, 5.0, corner_mm=1.0)
     long = fits.scaled(ball, 6.0, 20.0)
-    assert (long.corner_mm, long.flute_mm, long.flank_mm) == (6.0, 26.0, 20.0)
+    assert (long.corner_mm, long.flute_mm, flank_mm(long)) == (6.0, 26.0, 20.0)
 
 
 # ---- over its centre ---------------------------------------------------------------

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from support.oracles.drawn_tools import border
 
 from controller.geometry.surfaces import Surface
 from controller.geometry.vectors import Frame
@@ -73,10 +74,10 @@ def deepest(one: Nominal, points: np.ndarray, poses: int = 4001) -> float:
 def body_by_brute_force(
     one: Nominal, points: np.ndarray, normals: np.ndarray, poses: int = 6001
 ) -> np.ndarray:
-    """The same for tapered and rounded cutters, by halving: no distance, only whether a point is inside.
+    """The same for cutters of every form, by halving: no distance, only whether a point is inside.
 
-    Inside is between the ends and nearer the axis than the outline at that height: the end's
-    rounding, then the flank. From a place deep in the part up to the first pose that holds it.
+    Inside is between the ends and nearer the axis than the drawn outline at that height. From a place
+    deep in the part up to the first pose that holds it.
     """
     tool, found = one.tool, np.empty(len(points))
     tip, axis = one.surface.pose(np.linspace(0.0, 1.0, poses), 0.0, np)
@@ -94,11 +95,9 @@ def body_by_brute_force(
 def _holds(tool: Tool, away: np.ndarray, axes: np.ndarray) -> bool:
     height = (away * axes).sum(axis=1)
     across = np.linalg.norm(away - height[:, None] * axes, axis=1)
-    corner, slope = tool.corner_mm, np.tan(tool.taper_rad)
-    round_ = tool.radius_mm - corner + np.sqrt(np.maximum(corner**2 - (corner - height) ** 2, 0.0))
-    flank = tool.radius_mm - corner + corner / np.cos(tool.taper_rad) + (height - corner) * slope
-    outline = np.where(height < corner * (1.0 - np.sin(tool.taper_rad)), round_, flank)
-    return bool(((height > 0.0) & (across < outline)).any())
+    outline = border(tool)[:-1]
+    thick = np.interp(height, outline[:, 1], outline[:, 0])
+    return bool(((height > 0.0) & (height < tool.flute_mm) & (across < thick)).any())
 
 
 def _through(away: np.ndarray, n: np.ndarray, axes: np.ndarray, radius: float) -> tuple:

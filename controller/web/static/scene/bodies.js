@@ -46,28 +46,13 @@ function turned(profile, material) {
   return new THREE.Mesh(geometry, material);
 }
 
-// A tool of the table: its cutter, its shank and what holds it.
-export function tool_bodies(tool, { cutter, shank, holder }) {
-  const length = Math.max(tool.length_mm, tool.flute_mm);
-  const flank = tool.radius_mm + tool.flute_mm * Math.tan(tool.taper_rad ?? 0);
-  const held = tool.holder?.length ? tool.holder.map(([from, to, r]) => [[0, from], [r, from], [r, to], [0, to]]) : [[[0, length + 5], [2.5 * flank + 4, length + 5], [3 * flank + 8, length + SHANK_MM]]];
-  return [
-    turned(cutter_profile(tool), cutter),
-    turned([[flank, tool.flute_mm], [flank, length + 5]], shank),
-    ...held.map((profile) => turned(profile, holder)),
-  ];
-}
-
-// Half a section of a cutter from its tip up: end face, corner, flank. A ball end is all corner.
-function cutter_profile({ radius_mm: r, flute_mm: flute, corner_mm: corner = 0, taper_rad: taper = 0 }) {
-  const points = [[0, 0], [r - corner, 0]];
-  const steps = corner > 0 ? 12 : 0;
-  for (let i = 1; i <= steps; i += 1) {
-    const angle = ((Math.PI / 2 - taper) * i) / steps;
-    points.push([r - corner + corner * Math.sin(angle), corner * (1 - Math.cos(angle))]);
-  }
-  const [last, height] = points.at(-1);
-  return [...points, [last + Math.max(0, flute - height) * Math.tan(taper), Math.max(flute, height)]];
+// A tool of the table: the bodies of its profile, and something that holds it where the table has nothing.
+export function tool_bodies(tool, materials) {
+  const made = tool.profile.map(([name, points]) => turned([[0, points[0][1]], ...points, [0, points.at(-1)[1]]], materials[name]));
+  if (tool.holder?.length) return made;
+  const all = tool.profile.flatMap(([, points]) => points);
+  const [wide, top] = [0, 1].map((k) => Math.max(...all.map((point) => point[k])));
+  return [...made, turned([[0, top], [2.5 * wide + 4, top], [3 * wide + 8, top + SHANK_MM]], materials.holder)];
 }
 
 // What carries the work: a disc across the last table rotary, a square where there is none.

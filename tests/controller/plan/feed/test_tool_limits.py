@@ -14,6 +14,7 @@ from controller.machine.model import Machine
 from controller.motion.motions import SurfaceCut
 from controller.plan.feed import profile, tool_limits
 from controller.plan.feed.course import FeedCourse
+from controller.plan.feed.search import Search
 from controller.plan.path.path import Chain
 
 
@@ -71,3 +72,20 @@ def test_without_such_limits_nothing_is_asked_of_the_tool() -> None:
     course = courses(shipped())[0]
     assert not tool_limits.has_limits(course.machine)
     assert tool_limits.rates_in(course, np.array([1.0]), np.array([0])) is None
+
+
+def test_a_straight_line_needs_no_search_under_a_limit_of_the_tip() -> None:
+    """It is no slower than what the search finds, and keeps the limit, also in a tilted direction."""
+    machine = replace(shipped(), tip_acceleration_mm_s2=150.0, axis_speed_rad_s=0.3)
+    home, kinematics = tuple(axis.homing.position for axis in machine.axes), kinematics_of(machine)
+    for way in ("X0.3 Y0.1", "X9 Y-7 Z-3", "X0.004"):
+        items = trace(f"G91 G1 {way} F3000\n", machine, home).items  # type: ignore[arg-type]
+        (chain,) = (item for item in items if isinstance(item, Chain))
+        course = FeedCourse(chain.stretches, machine, kinematics)
+        planned, searched = profile.plan(course), Search(course, 0.0, 0.0, 0.0, course.length).law()
+        assert planned is not None and searched is not None and len(planned.pieces) <= 7
+        assert planned.duration_s <= searched[0][-1] + 1e-9
+        _, _, a, _ = planned.along(np.linspace(0.0, planned.duration_s, 3000))
+        assert np.abs(a).max() <= 150.0
+        (law,) = profile.straights(course)
+        assert law.duration_s == planned.duration_s

@@ -9,13 +9,13 @@ import pytest
 from support.machines.interrupted_runs import LINES, rest_of, with_tool
 from support.machines.stepped_runs import shipped
 
+from controller.machine import tool_profile
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Joints, Tool
 from controller.plan.restart import other_tool
 from controller.plan.restart.program_position import Spot
 from controller.plan.restart.reentry import NotPossible, along_axis
 from controller.plan.restart.restart import Rest
-from controller.verify import bodies
 
 HELD = (10.0, 60.0, 100.0, 0.3, 0.4)
 
@@ -79,7 +79,7 @@ def test_a_tool_is_as_thick_at_a_height_as_its_body_is(one: Tool) -> None:
     heights = np.arange(0.05, 30.0, 0.37)
     radii = other_tool.radii(one, heights)
     for off, inside in ((-1e-3, True), (1e-3, False)):
-        out = np.min([b.distance(radii + off, heights) for b in bodies.whole(one, 50.0)], axis=0)
+        out = np.min([b.distance(radii + off, heights) for b in tool_profile.whole(one, 50.0)], axis=0)
         assert ((out < 0.0) == inside).all()
 
 

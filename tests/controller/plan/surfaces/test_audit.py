@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from support.machines.traced_programs import mill
 
-from controller.machine.model import Sense
+from controller.machine.model import Sense, Tool
 from controller.messages import text
 from controller.plan.surfaces import audit
 
@@ -54,8 +54,8 @@ def test_a_sentence_shows_the_configured_sense() -> None:
 def test_depth_counts_only_what_lies_above_the_end_of_the_cutter() -> None:
     points = np.array([[2.0, 0.0, 5.0], [0.5, 0.0, -1.0]]).T
     tips, axes = np.zeros((3, 1)), np.array([[0.0], [0.0], [1.0]])
-    assert audit.depth(points, tips, axes, 3.0) == pytest.approx(1.0)
-    assert audit.depth(points, tips, axes, 1.5) == 0.0
+    assert audit.depth(points, tips, axes, Tool(1, "", 3.0, 0.0, 9.0)) == pytest.approx(1.0)
+    assert audit.depth(points, tips, axes, Tool(1, "", 1.5, 0.0, 9.0)) == 0.0
 
 
 def test_what_is_surely_inside_is_never_outside() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import random
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 from scipy.interpolate import make_interp_spline
 from scipy.optimize import linprog
 from support.oracles import ruled_surfaces
+from support.oracles.drawn_tools import border
 from support.parts.paper_surfaces import example_2
 from support.parts.random_surfaces import compound
 from support.parts.twisted_blades import blade, normal_turns_deg, off_by_brute_force
@@ -19,6 +21,8 @@ from controller.geometry.curves import Bezier
 from controller.geometry.placement import Placed, Strategy
 from controller.geometry.splines import BSpline
 from controller.geometry.surfaces import RuledSurface
+from controller.machine.model import Tool
+from controller.machine.tool_profile import flank
 from controller.plan.surfaces.axis_curves import Basis, joined
 from controller.plan.surfaces.banded_rows import Rows, least_largest
 from controller.plan.surfaces.placing import Cutter, Row, place
@@ -211,6 +215,45 @@ def test_the_least_largest_residual_is_that_of_a_linear_program(count: int) -> N
         bounds=[(None, None)] * count + [(0.0, None)],
     ).fun
     assert wanted <= found + 1e-9 and found <= 1.005 * wanted + 1e-4
+
+
+def barrel_off_mm(surface: RuledSurface, placed: Placed, tool: Tool) -> float:
+    """Of a barrel, by many poses; its arc is the circle through three points of the drawn outline."""
+    drawn = border(tool)
+    rise = drawn[:, 1] / tool.flute_mm
+    a, b, c = (complex(*drawn[int(np.argmax(rise >= share))]) for share in (0.3, 0.6, 0.9))
+    w = (c - a) / (b - a)
+    centre = (b - a) * (w - abs(w) ** 2) / (2j * w.imag) + a
+    far = abs(a - centre)
+    assert far == pytest.approx(tool.barrel_mm, rel=1e-3)
+    u, v = (x.ravel() for x in np.meshgrid(np.linspace(0.0, 1.0, 49), np.linspace(0.0, 1.0, 13)))
+    points, at = np.array(surface.point(u, v, np)), np.linspace(0.0, 1.0, 2001)
+    tips, axes = (np.array(w) for w in placed.pose(at, placed.offset_mm, np))
+    away = points[:, :, None] - tips[:, None, :]
+    h = (away * axes[:, None, :]).sum(axis=0)
+    rho = np.sqrt(np.maximum((away * away).sum(axis=0) - h * h, 0.0))
+    return float(np.abs((np.hypot(rho - centre.real, h - centre.imag) - far).min(axis=1)).max())
+
+
+@pytest.mark.parametrize(
+    "taper", [0.0, pytest.param(0.15, marks=pytest.mark.slow)], ids=["barrel", "conical barrel"]
+)
+def test_the_axis_of_a_barrel_is_found_for_its_own_form(taper: float) -> None:
+    """It stands better than one that is found for the cone which the barrel touches in its middle."""
+    surface = example_2()[1]
+    tool = Tool(1, "", 3.0, 0.0, 30.0, corner_mm=1.0, taper_rad=taper, barrel_mm=500.0)
+    middle = flank(tool).barrel.middle_mm
+    cutter = Cutter.of(tool, 1.0, shift_mm=middle - 9.0)
+    own, straight, plain = (
+        barrel_off_mm(surface, place(surface, one, kind), tool)
+        for one, kind in (
+            (cutter, Strategy.OPTIMAL),
+            (replace(cutter, barrel=None), Strategy.OPTIMAL),
+            (cutter, Strategy.SINGLE),
+        )
+    )
+    print(f"{1e3 * own:.1f} um; as a cone {1e3 * straight:.1f}, along the ruling {1e3 * plain:.1f}")
+    assert own < 0.9 * min(straight, plain)
 
 
 @pytest.mark.slow
