@@ -46,7 +46,7 @@ def apply(
     ``side_letters`` are the words of G40 to G42 on this line.
     """
     waits = state.turn_feed is not None or state.length_number is not None
-    if ask.codes.keys() <= {"motion"} and not (ask.has("FST") or ask.switches or waits):
+    if ask.codes.keys() <= {"motion"} and not (ask.has("FST") or ask.switches or ask.gear or waits):
         return state, []
     settings = _Settings(ask, motion, state, machine)
     settings.side_letters = side_letters
