@@ -207,6 +207,12 @@ def set_mode(network: Network, node: NodeSettings | SpindleSettings, mode: int) 
     Drive(network, node).set_mode(mode)
 
 
+def terminals(network: Network, node: NodeSettings) -> int | None:
+    """What a drive sees at its terminals (60FDh); None: it does not say. Raises CommissionError."""
+    drive = Drive(network, node)
+    return drive.read(0x60FD) if drive.has(0x60FD, 0) else None
+
+
 def _identify(drive: Drive, settings: Settings) -> None:
     """The node is of its kind, has the mode, and is the one of data sheet and machine file."""
     needed = 401 if isinstance(settings, IoSettings) else 402

@@ -79,8 +79,8 @@ def stopping_role(panel: Panel) -> Role:
     return Role.VIEW if panel.anybody_stops else Role.OPERATE
 
 
-def moves(most_s: float = SEEN_S) -> Any:
-    """A dependency: who asks may operate and holds the control token; ``most_s``: see ``SEEN_S``."""
+def moves(most_s: float = SEEN_S, role: Role = Role.OPERATE) -> Any:
+    """A dependency: who asks has this role and holds the control token; ``most_s``: see ``SEEN_S``."""
 
     async def allowed(
         connection: HTTPConnection,
@@ -91,12 +91,12 @@ def moves(most_s: float = SEEN_S) -> Any:
             str, Header(description="Of the last status that was seen: what comes too late moves nothing.")
         ] = "",
     ) -> Principal:
-        who = await _checked(connection, Role.OPERATE)
+        who = await _checked(connection, role)
         panel_of(connection).control.check(x_control_token)
         await _check_seen(connection, x_seen_tick, most_s)
         return who
 
-    return Depends(_marked(allowed, Role.OPERATE, True))
+    return Depends(_marked(allowed, role, True))
 
 
 def _marked(guard: Guard, role: Role, control: bool) -> Guard:

@@ -8,6 +8,7 @@ import logging
 from collections.abc import AsyncIterator, Awaitable, Callable
 from pathlib import Path
 
+from controller.api.bring_up import BringUp
 from controller.api.checker import LONGEST_MEASUREMENT_S, MEASURE_WORKER, Checker, Drafts, Errand
 from controller.api.database import StoreError
 from controller.api.events import Events
@@ -43,6 +44,7 @@ class Panel:
         self.drafts = Drafts(store)
         self.saving = asyncio.Lock()  # a back-up
         self.measuring = Errand(MEASURE_WORKER, LONGEST_MEASUREMENT_S)
+        self.bring_up = BringUp()
         self.gatherer = Gatherer(store.database, store.folder)
         self.verdicts = RunVerdicts(store)
         self.latest = Latest(door)  # ticks for scopes
@@ -89,7 +91,7 @@ class Panel:
         finally:
             for task in tasks:
                 task.cancel()
-            await asyncio.gather(*tasks, return_exceptions=True)
+            await asyncio.gather(*tasks, self.bring_up.close(), return_exceptions=True)
             await asyncio.to_thread(self._end)
 
     async def _look(self) -> None:

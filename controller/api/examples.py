@@ -16,6 +16,9 @@ EXAMPLES: dict[str, dict[str, Any]] = {
     "EntryChange": {"place": 0},
     "JobCommand": {"command": "pause", "action": "toggle"},
     # ---- the machine
+    "StepStart": {"part": "part.ngc"},
+    "StepAnswer": {"number": 1, "answer": 9.98},
+    "StepSkip": {"reason": "No brake is fitted yet."},
     "Switch": {"on": True},
     "Share": {"share": 0.8},
     "RapidShare": {"share": 0.25},

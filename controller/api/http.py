@@ -28,6 +28,7 @@ from controller.api.database import StoreError
 from controller.api.roles import Role
 from controller.api.routes import (
     backups,
+    bring_up,
     calibration,
     canned_cycles,
     changer,
@@ -65,7 +66,7 @@ STORE_STATUSES = {
 PARTS = (
     *((API, part) for part in (machine, cycle, commands, programs, tables, records, ticks)),
     *((API, part) for part in (diagnostics, session, users, notices, queue, usage, changer, probing)),
-    *((API, part) for part in (canned_cycles, calibration, backups, listen)),
+    *((API, part) for part in (canned_cycles, calibration, bring_up, backups, listen)),
     ("", metrics),
     ("", health),
     ("", octoprint),

@@ -488,6 +488,12 @@ class DriveList(Told):
     drives: list[DriveFacts]
 
 
+class Terminals(Told):
+    word: int | None = Field(
+        description="60FDh: bit 0 negative limit, 1 positive limit, 2 reference switch; null: not told."
+    )
+
+
 class OffsetList(Told):
     """``source`` of each: "file", or "machine" where it was set at the machine or by a program."""
 

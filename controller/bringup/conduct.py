@@ -8,19 +8,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
-from pathlib import Path
-from typing import Protocol as Interface
+from dataclasses import asdict
 
 import numpy as np
 
-from controller.bringup import charts, excitation, proposals, response
+from controller.bringup import by_hand, charts, excitation, machinery, proposals, response
 from controller.bringup.excitation import SHARES, Shown
 from controller.bringup.proposals import Proposal
-from controller.bringup.protocol import Outcome, Protocol
+from controller.bringup.protocol import Outcome
 from controller.bringup.response import Figures
+from controller.bringup.site import Site
 from controller.bringup.steps import Step
-from controller.bringup.ticks import Bench, NotDone, Ticks
+from controller.bringup.ticks import NotDone, Ticks
 from controller.calibration import circular_test
 from controller.calibration.refusal import Refusal
 from controller.machine import machine_file
@@ -31,7 +30,6 @@ WAYS = {"mm": 10.0, "deg": 90.0}  # that an axis is moved by to be measured
 SCALE_SHARE = 0.1  # of the largest speed
 SCALE_WITHIN = 0.002  # of the way: a gauge of 0.01 mm sees half of it
 OFF_S = 1.0  # that a drive is off while its brake is looked at
-CHANNELS = (1, 2)  # of safe torque off
 RADIUS_MM = 20.0
 CIRCLE_SHARES = (0.05, 0.1, 0.25)  # of the largest speed
 ROUND_MM = 0.05  # most by which a circle may be off its radius, where the machine file holds no tolerance
@@ -41,37 +39,13 @@ STOPS_AT_WINDOW = 0.5  # of the following error: speed is raised no further
 DRY_RUN_MM = 20.0
 
 
-class Operator(Interface):
-    """Who stands at the machine."""
-
-    def value(self, question: Message) -> float:
-        """What he has read off. Raises NotDone where he says nothing."""
-
-    def confirms(self, question: Message) -> bool:
-        """Whether he has seen it."""
-
-    def does(self, request: Message) -> None:
-        """Asks him to do something by hand, and waits until he has. Raises NotDone where he does not."""
-
-
-@dataclass(frozen=True, slots=True)
-class Site:
-    """The machine, who stands at it, what was found before, and the program of the dry run."""
-
-    bench: Bench
-    operator: Operator
-    protocol: Protocol
-    part: Path | None = None
-
-    def index(self, axis: str) -> int:
-        return [one.name for one in self.bench.machine.axes].index(axis)
-
-    def axis(self, name: str) -> Axis:
-        return self.bench.machine.axes[self.index(name)]
-
-    def by_hand(self, action: str, request: Message) -> None:
-        if not self.bench.by_hand(action):
-            self.operator.does(request)
+def carry_out(step: Step, site: Site) -> Message | None:
+    """Conducts a step and keeps what came of it; why it was not ended, where it was not. Raises OSError."""
+    try:
+        site.protocol.note(step.name, conduct(step, site))
+    except NotDone as error:
+        return error.said
+    return None
 
 
 def conduct(step: Step, site: Site) -> Outcome:
@@ -83,34 +57,6 @@ def _seen(step: Step, site: Site) -> Outcome:
     """What only an operator sees."""
     good = site.operator.confirms(step.text("look"))
     return Outcome(good, findings=[] if good else [message("bringup.not_seen")])
-
-
-# ---- stops
-
-
-def _estop(step: Step, site: Site) -> Outcome:
-    return _stops(site, "estop", "", message("bringup.hand.estop"))
-
-
-def _sto(step: Step, site: Site) -> Outcome:
-    outcome = Outcome(True)
-    for channel in CHANNELS:
-        found = _stops(site, "sto", f".{step.of}", message("bringup.hand.sto", axis=step.of, channel=channel))
-        outcome.good &= found.good
-        outcome.figures += found.figures
-        outcome.findings += found.findings
-    return outcome
-
-
-def _stops(site: Site, what: str, of: str, request: Message) -> Outcome:
-    """Pressed, seen by the machine, released, and up again."""
-    site.by_hand(f"{what}_press{of}", request)
-    why = site.bench.stopped_by()
-    site.by_hand(f"{what}_release{of}", message("bringup.hand.release"))
-    if why is None:
-        return Outcome(False, findings=[message("bringup.not_stopped")])
-    site.bench.recover()
-    return Outcome(True, figures=[message("bringup.figure.stopped_by", why=why)])
 
 
 def _brake(step: Step, site: Site) -> Outcome:
@@ -347,17 +293,17 @@ def _dry_run(step: Step, site: Site) -> Outcome:
 
 Conducted = Callable[[Step, Site], Outcome]
 CONDUCT: Mapping[str, Conducted] = {
-    "inputs": _seen,
-    "switches": _seen,
-    "estop": _estop,
-    "sto": _sto,
+    "inputs": by_hand.inputs,
+    "switches": by_hand.switches,
+    "estop": by_hand.estop,
+    "sto": by_hand.sto,
     "brake": _brake,
     "scale": _scale,
     "response": _response,
     "circle": _circle,
-    "clamp": _seen,
+    "clamp": by_hand.clamp,
     "spindle": _spindle,
-    "changer": _seen,
-    "rotaries": _seen,
+    "changer": machinery.changer,
+    "rotaries": machinery.rotaries,
     "dry_run": _dry_run,
 }

@@ -17,8 +17,9 @@ from controller.machine.model import Machine
 from controller.messages import Message, TextError, message
 
 FILE = "bring_up.json"
+FOLDER = "bring_up"  # of the state folder: the protocol that the page goes on with
 REPORT = "bring_up.html"
-GOOD, BAD = "good", "bad"
+GOOD, BAD, SKIPPED = "good", "bad", "skipped"
 
 
 class NoProtocol(TextError, ValueError):
@@ -52,8 +53,15 @@ class Protocol:
 
     def note(self, step: str, outcome: Outcome) -> None:
         """Keeps it on the disk. Raises OSError."""
+        self._keep(step, GOOD if outcome.good else BAD, outcome)
+
+    def skip(self, step: str, reason: str) -> None:
+        """A step that is not done on this machine, and why; kept likewise. Raises OSError."""
+        self._keep(step, SKIPPED, Outcome(False, findings=[message("bringup.skipped", reason=reason)]))
+
+    def _keep(self, step: str, verdict: str, outcome: Outcome) -> None:
         row = {
-            "verdict": GOOD if outcome.good else BAD,
+            "verdict": verdict,
             "at_s": time.time(),
             "machine_sha256": self.machine_sha256,
             **{name: getattr(outcome, name) for name in Outcome.__dataclass_fields__ if name != "good"},

@@ -7,11 +7,19 @@ from collections.abc import Iterator, Mapping, Sequence
 from html import escape
 from typing import Any
 
-from controller.bringup.protocol import GOOD, Protocol
+from controller import atomic_file
+from controller.bringup.protocol import BAD, REPORT, SKIPPED, Protocol
 from controller.bringup.steps import Step
-from controller.messages import message
+from controller.messages import Message, message
 from controller.verify import chart, html_page
 from controller.verify.console import in_words, say, spoken
+
+KEPT = ("verdict", "at_s", "figures", "findings", "proposals", "measured")  # of a step, in its row
+
+
+def write(protocol: Protocol, steps: Sequence[Step]) -> None:
+    """The report beside the protocol. Raises OSError."""
+    atomic_file.write(protocol.folder / REPORT, page(protocol, steps))
 
 
 def page(protocol: Protocol, steps: Sequence[Step]) -> str:
@@ -22,7 +30,7 @@ def page(protocol: Protocol, steps: Sequence[Step]) -> str:
 
 
 def _parts(protocol: Protocol, steps: Sequence[Step]) -> Iterator[str]:
-    yield f"<p>{escape(summed(protocol, steps))}</p>\n"
+    yield f"<p>{escape(in_words(summary(protocol, steps)))}</p>\n"
     yield html_page.table(
         [_say("step"), _say("what"), _say("verdict"), _say("when")],
         [
@@ -38,12 +46,12 @@ def _parts(protocol: Protocol, steps: Sequence[Step]) -> Iterator[str]:
             yield from _step(protocol, step)
 
 
-def summed(protocol: Protocol, steps: Sequence[Step]) -> str:
-    """How much of it is done, in a sentence."""
-    done = [step.name for step in steps if step.name in protocol.done]
-    bad = sum(protocol.done[name]["verdict"] != GOOD for name in done)
-    kind = in_words(message("bringup.simulated" if protocol.simulated else "bringup.real"))
-    return _say("summed", done=len(done), all=len(steps), bad=bad, kind=kind)
+def summary(protocol: Protocol, steps: Sequence[Step]) -> Message:
+    """How much of it is done."""
+    done = [protocol.done[step.name]["verdict"] for step in steps if step.name in protocol.done]
+    counts = {name: done.count(name) for name in (BAD, SKIPPED)}
+    kind = message("bringup.simulated" if protocol.simulated else "bringup.real")
+    return message("bringup.report.summed", done=len(done), all=len(steps), **counts, kind=kind)
 
 
 def verdict(protocol: Protocol, step: Step) -> str:
@@ -67,6 +75,15 @@ def proposed(protocol: Protocol, step: Step) -> list[list[str]]:
         [one["axis"], one["key"], _value(one["old"]), _value(one["new"]), in_words(one["why"])]
         for one in row["proposals"]
     ]
+
+
+def row(protocol: Protocol, step: Step, not_done: Message | None = None) -> dict[str, Any]:
+    """A step as JSON: what it is, and what came of it; ``not_done``: why it was not ended just now."""
+    done = protocol.done.get(step.name)
+    found: dict[str, Any] = {"step": step.name, "moves": step.moves, "verdict": None}
+    if done is not None:
+        found |= {name: done[name] for name in KEPT}
+    return found if not_done is None else {**found, "not_done": not_done}
 
 
 def _value(value: float | bool) -> str:

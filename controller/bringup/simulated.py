@@ -6,13 +6,16 @@ from collections.abc import Callable
 
 import numpy as np
 
-from controller.bringup.ticks import NotDone, Ticks
+from controller.bringup.by_hand import SWITCHES
+from controller.bringup.ticks import NotDone, Stop, Ticks
 from controller.geometry.arrays import Array
+from controller.geometry.vectors import add
 from controller.ipc.handoff import of_axes
-from controller.machine.model import Machine
+from controller.machine.kinematics import kinematics_of
+from controller.machine.model import TOOL_AT_POWER_ON, Machine
 from controller.messages import Message, message, of_error
 from controller.program.program import ProgramError
-from controller.runtime import checked
+from controller.runtime import checked, simulation, touch_table
 from controller.runtime.startup import SessionError
 from controller.runtime.stepped import SteppedMachine
 from controller.state.fault_table import fault_message
@@ -21,13 +24,43 @@ from controller.state.modes import Fault, Mode, Request
 LONGEST_S = 10.0  # that a change of mode may take
 ESTOP, STO = "estop", "sto"  # what is pressed, released; an axis after a dot
 
+SPHERE_MM, SPHERE_AT_MM = 12.5, 60.0  # its radius, and its centre above the first work offset
+SPHERE = f"""
+name = "sphere"
+[probe]
+pretravel_mm = 0.003
+scatter_mm = 0.0005
+[[solid]]
+kind = "sphere"
+centre_mm = [0.0, 0.0, {SPHERE_AT_MM}]
+radius_mm = {SPHERE_MM}
+"""
+
+
+def _sphere(machine: Machine) -> simulation.Bench | None:
+    """What stands on the table of a machine that has a probe."""
+    return None if machine.probe is None else simulation.bench_of(SPHERE, machine)
+
+
+def over_sphere(machine: Machine) -> str:
+    """The program that brings the probe, its ball so far above that sphere as an operator jogs it there."""
+    tool = None if machine.probe is None else machine.tool(machine.probe.tool)
+    assert tool is not None  # there is no sphere else
+    place = add(machine.offsets[0].origin, (0.0, 0.0, SPHERE_AT_MM + SPHERE_MM + 3.0))
+    q = kinematics_of(machine).linear(place, (0.0, 0.0), tool.length_mm)
+    names = [machine.axes[i].name for i in machine.linear()]
+    x, y, z = (f"{name}{at:.4f}" for name, at in zip(names, q, strict=True))
+    turned = " ".join(f"{machine.axes[i].name}0" for i in machine.rotary())
+    retracted = f"G53 G0 {names[2]}{machine.retract_mm:.4f}"
+    return "\n".join(("G21 G90", retracted, f"G53 G0 {turned}", f"G53 G0 {x} {y}", f"G53 G0 {z}", "M30", ""))
+
 
 class SimulatedBench:
     """Homed and enabled from the start. Raises SessionError, CommissionError, BusError where that fails."""
 
     def __init__(self, machine: Machine, stepped: SteppedMachine | None = None) -> None:
         self.machine = machine
-        self.stepped = stepped or SteppedMachine(machine)
+        self.stepped = stepped or SteppedMachine(machine, bench=_sphere(machine))
         if not self._is(Mode.READY):
             self.stepped.come_up()
 
@@ -47,7 +80,7 @@ class SimulatedBench:
         except SessionError as error:
             raise NotDone(of_error(error)) from error
         if run.result != "completed":
-            why = self.stopped_by() or message("bringup.ended", result=run.result, line=run.line)
+            why = self._why() or message("bringup.ended", result=run.result, line=run.line)
             raise NotDone(why)
         return self._ticks(run.rows)
 
@@ -61,15 +94,29 @@ class SimulatedBench:
             self._until(lambda: self._is(Mode.OFF)),
             self.stepped.go(round(seconds / self.machine.period_s)),
         ]
-        self.stepped.request(Request.ENABLE)
-        self._until(lambda: self._is(Mode.READY))
+        self.power(True)
         return self._ticks(np.concatenate(rows))
 
+    def power(self, on: bool) -> None:
+        self.stepped.request(Request.ENABLE if on else Request.DISABLE)
+        self._until(lambda: self._is(Mode.READY if on else Mode.OFF))
+
+    def wait(self, seconds: float) -> None:
+        self.stepped.go(max(1, round(seconds / self.machine.period_s)))
+
     def by_hand(self, action: str) -> bool:
-        what, _, axis = action.partition(".")
+        what, _, of = action.partition(".")
         pressed = what.endswith("_press")
-        if what.startswith(STO):
-            self.stepped.rig.drives[axis].axis.set_sto(pressed, self.stepped.rig.now_s)
+        if what == "turn":
+            self._turn_input(of)
+        elif what == "switch":
+            axis, _, name = of.partition(".")
+            terminals = self.stepped.rig.drives[axis].inputs
+            terminals.set(terminals.word ^ SWITCHES[name], self.stepped.rig.now_s)
+        elif what == "over_sphere":
+            self.run(over_sphere(self.machine), "over_sphere")
+        elif what.startswith(STO):
+            self.stepped.rig.drives[of].axis.set_sto(pressed, self.stepped.rig.now_s)
         elif what.startswith(ESTOP):
             self._turn_input(ESTOP)
         else:
@@ -79,6 +126,25 @@ class SimulatedBench:
             self.stepped.stand_still()
         return True
 
+    def inputs(self) -> dict[str, bool]:
+        now, io = self.stepped.board.read(), self.machine.io
+        if io is None or now is None:
+            return {}
+        return {name: bool(now.inputs >> bit & 1) for name, bit in io.inputs}
+
+    def switches(self, axis: str) -> int | None:
+        return int(self.stepped.rig.drives[axis].axis.sensors.digital_inputs())
+
+    def clamp(self, axis: str, is_open: bool) -> None:
+        index = [one.name for one in self.machine.axes].index(axis)
+        self.stepped.request(Request.CLAMPS, float(is_open << index))
+
+    def tool(self) -> int:
+        return TOOL_AT_POWER_ON
+
+    def touches(self) -> str:
+        return touch_table.text(self.stepped.planner.touches, self.machine)
+
     def _turn_input(self, name: str) -> None:
         io = self.machine.io
         bit = None if io is None else io.input(name)
@@ -87,11 +153,16 @@ class SimulatedBench:
         for node in self.stepped.rig.io.values():
             node.set_inputs(node.inputs ^ (1 << bit), self.stepped.rig.now_s)
 
-    def stopped_by(self) -> Message | None:
+    def stopped_by(self) -> Stop | None:
         modes = self.stepped.cycle.modes
         if modes.fault is Fault.NONE:
             return None
-        return fault_message(modes.fault, self.machine.axis_off(modes.fault_axis))
+        axis = self.machine.axis_off(modes.fault_axis)
+        return Stop(axis, fault_message(modes.fault, axis))
+
+    def _why(self) -> Message | None:
+        stop = self.stopped_by()
+        return None if stop is None else stop.why
 
     def recover(self) -> None:
         self.stepped.go(round(0.1 / self.machine.period_s))
@@ -109,7 +180,5 @@ class SimulatedBench:
         """The rows until then. Raises NotDone where it does not come."""
         rows = self.stepped.go(round(LONGEST_S / self.machine.period_s), done)
         if not done():
-            raise NotDone(
-                self.stopped_by() or message("bringup.mode", mode=self.stepped.cycle.modes.mode.name)
-            )
+            raise NotDone(self._why() or message("bringup.mode", mode=self.stepped.cycle.modes.mode.name))
         return rows

@@ -74,10 +74,10 @@ KINDS: tuple[Kind, ...] = (
     Kind("scale", _axes(_every), moves=True),
     Kind("response", _axes(_every), moves=True),
     Kind("circle", _planes, moves=True),
-    Kind("clamp", _axes(lambda axis: axis.clamp is not None), moves=False),
+    Kind("clamp", _axes(lambda axis: axis.clamp is not None), moves=True),
     Kind("spindle", _where(lambda machine: machine.spindle is not None), moves=True),
     Kind("changer", _where(lambda machine: machine.changer is not None), moves=True),
-    Kind("rotaries", _where(lambda machine: bool(machine.rotary())), moves=False),
+    Kind("rotaries", _where(lambda machine: bool(machine.rotary())), moves=True),
     Kind("dry_run", _once, moves=True),
 )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -13,11 +14,20 @@ from controller.geometry.arrays import Array
 from controller.ipc.handoff import COLUMN, of_axes
 from controller.machine.model import Machine
 from controller.messages import Message, TextError
+from controller.state.modes import Mode
 from controller.state.setpoints import commanded
 
 
 class NotDone(TextError, Exception):
     """A machine has not done what a step asks of it: why."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """What a machine stopped for: the axis ("" = it is of none), and the sentence."""
+
+    axis: str
+    why: Message
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,6 +39,7 @@ class Ticks:
     setpoint: Array  # (N, axes) as sent
     actual: Array  # (N, axes) as reported
     line: NDArray[np.int64]  # (N,) of the program, 0 = none
+    held: NDArray[np.bool_] | None = None  # (N,) in HOLD, as between the steps of a changer
 
     def __post_init__(self) -> None:
         """What begins before the start of a program has the line at which the one before it ended."""
@@ -46,6 +57,7 @@ class Ticks:
             commanded(rows[:, of_axes("setpoint", axes)], machine) * shown,
             rows[:, of_axes("actual", axes)] * shown,
             rows[:, COLUMN["line"]].astype(np.int64),
+            rows[:, COLUMN["mode"]] == Mode.HOLD,
         )
 
     def of_axis(self, index: int) -> AxisTicks:
@@ -69,10 +81,31 @@ class Bench(Protocol):
     def switched_off(self, seconds: float) -> Ticks:
         """Drives off for so long, and on again. Raises NotDone."""
 
+    def power(self, on: bool) -> None:
+        """Drives on, or off. Raises NotDone."""
+
+    def wait(self, seconds: float) -> None:
+        """Lets time pass."""
+
     def by_hand(self, action: str) -> bool:
         """Does what an operator does by hand, where it is simulated; else False."""
 
-    def stopped_by(self) -> Message | None:
+    def inputs(self) -> Mapping[str, bool]:
+        """Those of ``[io]``, by name."""
+
+    def switches(self, axis: str) -> int | None:
+        """What the drive of an axis sees at its terminals (60FDh); None: it does not say."""
+
+    def clamp(self, axis: str, is_open: bool) -> None:
+        """Opens a clamp, or closes it. Raises NotDone."""
+
+    def tool(self) -> int:
+        """Which one is in the spindle."""
+
+    def touches(self) -> str:
+        """Of the last run, as ``calibration.touch_table`` reads them."""
+
+    def stopped_by(self) -> Stop | None:
         """The fault in which the machine stands; None: in none."""
 
     def recover(self) -> None:

@@ -5,15 +5,17 @@ from __future__ import annotations
 import contextlib
 import json
 import math
-from collections.abc import Callable, Mapping, Sequence
+import select
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from controller import atomic_file, messages, own_files
+from controller import messages, own_files
 from controller.cli import remote
 from controller.cli.client import Json, TakeOver, Url
 from controller.machine import machine_file
@@ -39,6 +41,7 @@ def bring_up(
     again: Annotated[bool, typer.Option("--again")] = False,
     yes: Annotated[list[str] | None, typer.Option("--yes", metavar="STEP")] = None,
     value: Annotated[list[str] | None, typer.Option("--value", metavar="STEP=VALUE")] = None,
+    skip: Annotated[list[str] | None, typer.Option("--skip", metavar="STEP=REASON")] = None,
     part: Annotated[Path | None, typer.Option("--part", metavar="PROGRAM")] = None,
     list_only: Annotated[bool, typer.Option("--list")] = False,
     take_over: TakeOver = False,
@@ -51,15 +54,19 @@ def bring_up(
     step is not as it should be, or could not be ended.
     """
     from controller.bringup import protocol as protocols
+    from controller.bringup import report
     from controller.bringup import steps as declared
 
     with refusals(as_json, _expected):
         made = machine_file.load(machine)
         steps = declared.steps(made)
+        skipped = _skipped(skip or [], steps)
         answers = Answers(_named(yes or [], steps), _values(value or [], steps), as_json)
         chosen = _named(step or [EVERY], steps)
         own_files.make_folder(folder)
         protocol = protocols.opened(folder, made, simulate)
+        for name, reason in skipped.items():
+            protocol.skip(name, reason)
         todo = [one for one in steps if one.name in chosen and (again or one.name not in protocol.done)]
         with contextlib.ExitStack() as ending:
             opener = (
@@ -68,7 +75,7 @@ def bring_up(
             run = Session(made, protocol, steps, answers, part, opener)
             if not list_only:
                 run.work(todo)
-        _write(protocol, steps)
+        report.write(protocol, steps)
         _tell(run, as_json)
     if run.failed:
         raise typer.Exit(1)
@@ -126,11 +133,13 @@ class Session:
 
     def work(self, todo: Sequence[Step]) -> None:
         """One step after another, each written down as it ends; a fault that stays ends it."""
+        from controller.bringup import report
+
         for step in todo:
             if not self._begins(step):
                 continue
             self._conduct(step)
-            _write(self.protocol, self.steps)
+            report.write(self.protocol, self.steps)
             if step.name in self.unfinished and self.bench.stopped_by() is not None:
                 return
 
@@ -145,20 +154,20 @@ class Session:
         return not self.answers.silent and agreed(console.say(key, step=step.name))
 
     def _conduct(self, step: Step) -> None:
-        from controller.bringup.conduct import Site, conduct
-        from controller.bringup.ticks import NotDone
+        from controller.bringup.conduct import carry_out
+        from controller.bringup.protocol import BAD
+        from controller.bringup.site import Site
 
         operator = AtTerminal(step.name, self.answers)
-        try:
-            outcome = conduct(step, Site(self.bench, operator, self.protocol, self.part))
-        except NotDone as error:
-            self.unfinished[step.name] = error.said
-            tell.print(in_words(error.said), markup=False)
+        why = carry_out(step, Site(self.bench, operator, self.protocol, self.part))
+        if why is not None:
+            self.unfinished[step.name] = why
+            tell.print(in_words(why), markup=False)
             return
-        self.protocol.note(step.name, outcome)
-        self.bad += [] if outcome.good else [step.name]
+        done = self.protocol.done[step.name]
+        self.bad += [step.name] if done["verdict"] == BAD else []
         if not self.answers.silent:
-            for one in (*outcome.figures, *outcome.findings):
+            for one in (*done["figures"], *done["findings"]):
                 show.print(f"  {in_words(one)}", markup=False, soft_wrap=True)
 
 
@@ -190,13 +199,17 @@ class AtTerminal:
     def does(self, request: Message) -> None:
         typer.prompt(in_words(request), default="", show_default=False, err=True)
 
+    @contextlib.contextmanager
+    def works(self, request: Message) -> Iterator[Callable[[], bool]]:
+        tell.print(f"{in_words(request)} {console.say('bringup.ask.enter_none')}", markup=False)
+        yield self._enters
 
-def _write(protocol: Protocol, steps: Sequence[Step]) -> None:
-    """The report beside the protocol. Raises OSError."""
-    from controller.bringup import report
-    from controller.bringup.protocol import REPORT
-
-    atomic_file.write(protocol.folder / REPORT, report.page(protocol, steps))
+    @staticmethod
+    def _enters() -> bool:
+        if not sys.stdin.isatty() or not select.select([sys.stdin], [], [], 0.0)[0]:
+            return False
+        sys.stdin.readline()
+        return True
 
 
 def _tell(run: Session, as_json: bool) -> None:
@@ -208,7 +221,8 @@ def _tell(run: Session, as_json: bool) -> None:
 
     protocol, file = run.protocol, run.protocol.folder / REPORT
     if as_json:
-        rows = [_row(run, step) for step in run.steps]
+        made = [report.row(protocol, step, run.unfinished.get(step.name)) for step in run.steps]
+        rows = messages.with_sentences(made, spoken.get())
         facts = {"machine": protocol.machine, "report": str(file), "steps": rows}
         print(json.dumps({"ok": not run.failed, **facts}))
         return
@@ -222,21 +236,8 @@ def _tell(run: Session, as_json: bool) -> None:
         for axis, name, old, new, why in report.proposed(protocol, step):
             row = console.say("bringup.report.propose", axis=axis, name=name, old=old, new=new, why=why)
             show.print(row, markup=False, soft_wrap=True)
-    tell.print(report.summed(protocol, run.steps), markup=False)
+    tell.print(in_words(report.summary(protocol, run.steps)), markup=False)
     tell.print(console.say("bringup.report.written", file=file), markup=False)
-
-
-def _row(run: Session, step: Step) -> dict[str, Any]:
-    """A step as JSON, with its sentences."""
-    done = run.protocol.done.get(step.name)
-    kept = ("verdict", "at_s", "figures", "findings", "proposals", "measured")
-    row: dict[str, Any] = {"step": step.name, "moves": step.moves, "verdict": None}
-    if done is not None:
-        row |= {name: done[name] for name in kept}
-    if (why := run.unfinished.get(step.name)) is not None:
-        row["not_done"] = why
-    told: dict[str, Any] = messages.with_sentences(row, spoken.get())
-    return told
 
 
 def _named(names: Sequence[str], steps: Sequence[Step]) -> frozenset[str]:
@@ -263,6 +264,17 @@ def _values(pairs: Sequence[str], steps: Sequence[Step]) -> dict[str, float]:
             found[name] = _finite(number)
         except ValueError:
             raise Misunderstood(console.say("bringup.no_number", found=pair)) from None
+    return found
+
+
+def _skipped(pairs: Sequence[str], steps: Sequence[Step]) -> dict[str, str]:
+    """The reason of each step that is left out; one of a kind is that of all of it. Raises Misunderstood."""
+    found: dict[str, str] = {}
+    for pair in pairs:
+        name, _, reason = pair.partition("=")
+        if not reason.strip():
+            raise Misunderstood(console.say("bringup.no_reason", found=pair))
+        found |= dict.fromkeys(_named([name], steps), reason)
     return found
 
 

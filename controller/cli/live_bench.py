@@ -13,19 +13,20 @@ from typing import Any
 
 import numpy as np
 
-from controller.bringup.ticks import NotDone, Ticks
+from controller.bringup.ticks import NotDone, Stop, Ticks
 from controller.cli import waiting
 from controller.cli.client import carried_out, load_program
 from controller.cli.client_lists import check_refusal, upload_file, wait_for_check
 from controller.cli.remote import Machine as Remote
 from controller.geometry.arrays import Array
 from controller.machine.model import Machine
-from controller.messages import Message, message
+from controller.messages import message
+from controller.state.modes import Mode
 from controller.state.setpoints import commanded
 from controller.verify.console import Refused, say
 
 POLL_S = 0.5  # between two looks at the ticks, of which the panel keeps half a minute
-SEEN_S = 2.0  # within which a fault must be reported
+SEEN_S, SHORTEST_S = 10.0, 0.05  # within which drives must be on or off, and between two looks
 REST_S = 0.3  # after a motion, until its last position has come
 
 
@@ -38,7 +39,7 @@ class LiveBench:
         if found != machine.name:
             raise Refused(say("bringup.other_machine", found=found, machine=machine.name))
         signals = [f"{axis.name}.{which}" for which in ("setpoint", "actual") for axis in machine.axes]
-        self._names = [*signals, "line"]
+        self._names = [*signals, "line", "mode"]
 
     def positions(self) -> tuple[float, ...]:
         joints = self._remote.get("status")["joints"]
@@ -96,7 +97,8 @@ class LiveBench:
             int(self._remote.get("status")["tick"]["latency"]),
             commanded(rows[:, 1 : 1 + axes], self.machine) * shown,
             rows[:, 1 + axes : 1 + 2 * axes],
-            rows[:, -1].astype(np.int64),
+            rows[:, -2].astype(np.int64),
+            rows[:, -1] == Mode.HOLD,
         )
 
     def _newest(self) -> int:
@@ -113,19 +115,53 @@ class LiveBench:
     def switched_off(self, seconds: float) -> Ticks:
         begin = self._newest()
         until_s = time.monotonic() + seconds
-        self._do("machine/disable")
+        self.power(False)
         rows = self._recorded(begin, lambda: time.monotonic() > until_s)
-        self._do("machine/enable")
+        self.power(True)
         return self._ticks(rows)
+
+    def power(self, on: bool) -> None:
+        self._do("machine/enable" if on else "machine/disable")
+        until_s = time.monotonic() + SEEN_S
+        while self._remote.get("status")["mode"] != ("READY" if on else "OFF"):
+            if time.monotonic() > until_s:
+                raise NotDone(message("bringup.mode", mode=self._remote.get("status")["mode"]))
+            time.sleep(SHORTEST_S)
+
+    def wait(self, seconds: float) -> None:
+        time.sleep(seconds)
 
     def by_hand(self, action: str) -> bool:
         return False
 
-    def stopped_by(self) -> Message | None:
-        until_s = time.monotonic() + SEEN_S
-        while (fault := self._remote.get("status").get("fault")) is None and time.monotonic() < until_s:
-            time.sleep(POLL_S)
-        return None if fault is None else message("text", text=str(fault["sentence"]))
+    def inputs(self) -> dict[str, bool]:
+        found: dict[str, bool] = self._remote.get("status")["inputs"] or {}
+        return found
+
+    def switches(self, axis: str) -> int | None:
+        try:
+            word = self._remote.get(f"drives/{axis}/terminals")["word"]
+        except Refused as refused:
+            raise NotDone(message("text", text=str(refused))) from refused
+        return None if word is None else int(word)
+
+    def clamp(self, axis: str, is_open: bool) -> None:
+        try:
+            self._remote.put("machine/clamps", {"open": [axis] if is_open else []})
+        except Refused as refused:
+            raise NotDone(message("text", text=str(refused))) from refused
+
+    def tool(self) -> int:
+        return int(self._remote.get("status")["tool"] or 0)
+
+    def touches(self) -> str:
+        return str(self._remote.get("probing/touches.csv"))
+
+    def stopped_by(self) -> Stop | None:
+        fault = self._remote.get("status").get("fault")
+        if fault is None:
+            return None
+        return Stop(str(fault.get("axis") or ""), message("text", text=str(fault["sentence"])))
 
     def recover(self) -> None:
         for path in ("machine/reset", "machine/home", "machine/enable"):

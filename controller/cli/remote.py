@@ -99,15 +99,18 @@ def connected(url: str, token: str) -> Iterator[Machine]:
         yield Machine(http)
 
 
-def client(url: str, headers: Mapping[str, str]) -> httpx.Client:
-    """What connects. Proxies of the environment are not for machines: the panel refuses them."""
+def client(url: str, headers: Mapping[str, str], own: bool = False) -> httpx.Client:
+    """What connects. Proxies of the environment are not for machines: the panel refuses them.
+
+    ``own``: the address is that of the panel which has started this process, whatever its certificate names.
+    """
     try:
         library = _httpx()
     except ImportError as error:
         raise Refused(say("no_httpx")) from error
     limits = library.Timeout(TIMEOUT_S, connect=CONNECT_S)
     made: httpx.Client = library.Client(
-        base_url=url, headers=dict(headers), timeout=limits, mounts={"all://": None}
+        base_url=url, headers=dict(headers), timeout=limits, mounts={"all://": None}, verify=not own
     )
     return made
 

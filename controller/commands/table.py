@@ -564,6 +564,7 @@ ALL: tuple[Command, ...] = (
     ),
     look("rows", *given("after", "most", "kept")),
     look("buses"),
+    look("terminals", Argument("axis", AXIS)),
     look("usage"),
     Command(
         "tool_life",

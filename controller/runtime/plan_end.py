@@ -182,7 +182,7 @@ class PlanEnd:
             if (found := came_to(now, number, request, value, wanted)) is not None:
                 return found
             if self.alone or time.monotonic() > give_up_s:
-                return now.mode, now.fault
+                return now.mode, now.fault, now.fault_axis
             came, homes = now.came_of(number)[0], now.mode is Mode.HOMING
             if came is Outcome.SUPERSEDED or (began and not homes):
                 raise SessionError(STOPPED)

@@ -46,8 +46,8 @@ class Program:
 
 @dataclass(frozen=True, slots=True)
 class Order:
-    """``verb``: "commission", "home" (axes), "check" or "arm" (program), "drop", "retract" (mm), "return",
-    "beside" (program: how far the machine stands off it).
+    """``verb``: "commission", "home" (axes), "terminals" (of one), "check" or "arm" (program), "drop",
+    "retract" (mm), "return", "beside" (program: how far the machine stands off it).
 
     A "return" with a program: other tools were fitted meanwhile, and this is it with them.
     """

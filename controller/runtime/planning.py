@@ -84,6 +84,7 @@ class Planning:
         self._verbs = {
             "commission": self._commission,
             "home": self._home,
+            "terminals": lambda order: {"word": self._end.start_up.terminals(order.axes[0])},
             "check": lambda order: self._checks.check(_program(order)),
             "arm": self._arm,
             "drop": self._drop,

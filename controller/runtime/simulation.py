@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from controller.machine.model import Machine
+from controller.machine.toml_table import parse
 from controller.runtime import children
 from controller.runtime.bench.bus import Job, bus_of, tell_tool, turns
 from controller.runtime.bench.surroundings import devices, rig_of
@@ -71,6 +72,13 @@ def bench(part: Path | None, machine: Machine) -> Bench:
     from controller.runtime.bench import touching
 
     return touching.read(part, machine)
+
+
+def bench_of(text: str, machine: Machine) -> Bench:
+    """The same of the text of a simulation file. Raises ConfigError."""
+    from controller.runtime.bench import probe
+
+    return probe.read(parse(text, "part"), machine, Path())
 
 
 def wired(bench: Bench, machine: Machine, rig: Rig) -> Wired:

@@ -7,8 +7,9 @@ from collections.abc import Callable, Mapping, Sequence
 from controller.ipc.handoff import Arrangement, Outcome, Snapshot
 from controller.machine import machine_file
 from controller.machine.model import Machine
-from controller.messages import Message, TextError, message, several
+from controller.messages import Message, TextError, message
 from controller.state import stop_times
+from controller.state.fault_table import fault_message
 from controller.state.modes import Fault, Mode, Request
 from drives import commission
 from drives.arranged import Arranged
@@ -17,7 +18,7 @@ from drives.settings import NodeSettings
 HOMING = 6  # mode of operation, 6060h
 INPUT_TRIES = 300  # requests that are refused because no input has been heard of yet
 
-Came = tuple[Mode, Fault]
+Came = tuple[Mode, Fault, int]  # the last: the axis of the fault, by its index; -1 = of none
 # Sends a request and lets time pass until the machine is in that mode or in a fault.
 Ask = Callable[[Request, float, Mode], Came]
 
@@ -35,8 +36,9 @@ def came_to(now: Snapshot, number: int, request: Request, value: float, wanted: 
     mask = int(value) if request is Request.HOME else 0
     arrived = now.mode is wanted and now.homed & mask == mask
     if came is Outcome.REFUSED:
-        return now.mode, why if why is not Fault.NONE else now.fault
-    return (now.mode, now.fault) if came is Outcome.DONE and (arrived or now.mode is Mode.FAULT) else None
+        return now.mode, why if why is not Fault.NONE else now.fault, now.fault_axis
+    is_over = came is Outcome.DONE and (arrived or now.mode is Mode.FAULT)
+    return (now.mode, now.fault, now.fault_axis) if is_over else None
 
 
 def arrangement(machine: Machine, found: Sequence[Arranged]) -> Arrangement:
@@ -49,16 +51,11 @@ def arrangement(machine: Machine, found: Sequence[Arranged]) -> Arrangement:
 def no_start(machine: Machine, interlock: Fault, untrusted: int) -> Message | None:
     """Why a start is refused; None where nothing of the machine forbids it."""
     if interlock is not Fault.NONE:
-        return message("startup.barred", fault=_fault(interlock))
+        return message("startup.barred", fault=fault_message(interlock))
     if untrusted:
         names = " ".join(axis.name for i, axis in enumerate(machine.axes) if untrusted >> i & 1)
         return message("startup.not_homed", axes=names)
     return None
-
-
-def _fault(fault: Fault) -> Message:
-    """What it is, and what to do."""
-    return several(message(f"fault.{fault.name}"), message(f"remedy.{fault.name}"))
 
 
 class StartUp:
@@ -131,11 +128,20 @@ class StartUp:
     def _set_mode(self, node: NodeSettings, mode: int) -> None:
         commission.set_mode(self._networks[node.bus], node, mode)
 
+    def terminals(self, axis: int) -> int | None:
+        """What the drive of an axis sees at its terminals; None: it does not say. Raises CommissionError."""
+        node = self._nodes[axis]
+        return commission.terminals(self._networks[node.bus], node)
+
     def _reach(self, request: Request, value: float, wanted: Mode) -> None:
         for _ in range(INPUT_TRIES):
-            mode, fault = self._ask(request, value, wanted)
+            mode, fault, axis = self._ask(request, value, wanted)
             if fault is not Fault.IO_LOST or mode is Mode.FAULT:
                 break
         if mode is not wanted or fault is not Fault.NONE:
             modes = {"wanted": wanted.name, "request": request.name, "mode": mode.name}
-            raise SessionError(message("startup.not_become", fault=_fault(fault), **modes))
+            raise SessionError(
+                message(
+                    "startup.not_become", fault=fault_message(fault, self._machine.axis_off(axis)), **modes
+                )
+            )

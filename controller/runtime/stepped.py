@@ -279,7 +279,7 @@ class SteppedMachine:
             now = self.board.read()
             if now is not None and (came := came_to(now, number, request, value, wanted)) is not None:
                 return came
-        return self.cycle.modes.mode, self.cycle.modes.fault
+        return self.cycle.modes.mode, self.cycle.modes.fault, self.cycle.modes.fault_axis
 
     def stand_at(self, joints: Joints, plan_time_s: float) -> None:
         """Where a recorded run began, by place and by the path clock; homed and enabled it goes there."""

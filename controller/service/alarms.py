@@ -7,19 +7,22 @@ from __future__ import annotations
 
 import contextlib
 import json
+import logging
 import sqlite3
 import threading
 import time
 from typing import Any
 
+from controller import journald
 from controller.ipc.handoff import Snapshot
 from controller.machine.model import Machine
-from controller.messages import Message, message
+from controller.messages import Message, message, text
 from controller.service.refusals import refused
 from controller.state.fault_table import NOBODY, Sender
 from controller.state.modes import FAULTS, Fault, fault_message
 from controller.store.service_store import ServiceStore
 
+_log = logging.getLogger(__name__)
 DAMAGE = "FILE_DAMAGED"  # name of the alarm that something kept was damaged: before it is seen nothing starts
 KEPT = 1000
 SHOWN = 100  # in one answer
@@ -46,7 +49,10 @@ class Alarms:
                 **more,
             }
             self._keep(alarm)
-            return alarm
+        priority = journald.ERROR if name in Fault.__members__ else journald.WARNING
+        known = journald.fields(priority, alarm=name, number=alarm["id"], axis=more.get("axis") or "")
+        _log.info("%s: %s", name, text(what), extra=known)
+        return alarm
 
     def change(self, number: int, **more: Any) -> None:
         """What became known of an alarm later."""

@@ -90,6 +90,14 @@ def _buses(service: Service, _: Values) -> Values:
     return diagnostics.buses(service.set_up.machine, service.processes.logs, service.engine.recorder)
 
 
+def _terminals(service: Service, values: Values) -> Values:
+    """Raises CommandRefused where there is no such axis, or its drive does not answer."""
+    axes = [axis.name for axis in service.set_up.machine.axes]
+    if values["axis"] not in axes:
+        raise refused("no_axis", code="bad", axis=values["axis"], allowed=", ".join(axes))
+    return service.engine.line.order("terminals", (axes.index(values["axis"]),))
+
+
 def _keep_run(service: Service, values: Values) -> Values:
     """Raises CommandRefused where there is no such record, or it cannot be marked."""
     try:
@@ -142,6 +150,7 @@ ERRANDS: dict[str, Callable[[Service, Values], Values]] = {  # they wait for a d
     "keep_run": _keep_run,
     "rows": lambda service, values: diagnostics.rows(service.engine.recorder, values),
     "buses": _buses,
+    "terminals": _terminals,
     "usage": lambda service, _: service.usage.to_json(),
     "tool_life": lambda service, values: usage.tool_life(service.usage, values),
     "tool_renewed": lambda service, values: usage.tool_renewed(service.usage, values),

@@ -6,7 +6,7 @@ import asyncio
 from collections.abc import Awaitable
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Query, Request
+from fastapi import APIRouter, Path, Query, Request
 
 from controller.api import models
 from controller.api.access import needs, panel_of
@@ -58,10 +58,20 @@ async def _or_last_known(
         return await asked
     except Refusal as refusal:
         if wanted and refusal.facts.code == "gone":
-            folder = panel_of(request).store.folder
-            if found := await asyncio.to_thread(control_socket.last_known, folder, what):
-                return found
+            panel = panel_of(request)
+            if found := await asyncio.to_thread(control_socket.last_known, panel.store.folder, what):
+                return {**found, "gone_s": panel.watch.gone_s(found["gone_s"])}
         raise
+
+
+@router.get(
+    "/drives/{axis}/terminals", dependencies=[needs(Role.VIEW)], responses=documented(401, 403, 409, 422, 503)
+)
+async def terminals(
+    request: Request, axis: Annotated[str, Path(max_length=1, pattern="^[XYZABC]$")]
+) -> models.Terminals:
+    """What the drive of an axis sees at its terminals, read from it now: limit and reference switches."""
+    return models.Terminals(**await panel_of(request).door.ask("terminals", axis=axis))
 
 
 @router.get("/drives", dependencies=[needs(Role.VIEW)], responses=LOOKS, response_model_exclude_unset=True)

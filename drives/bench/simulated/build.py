@@ -38,6 +38,7 @@ def drive(settings: NodeSettings, parameters: Parameters) -> SimulatedDrive:
     made = SimulatedDrive(settings.node, nature, settings.eds or EDS)
     made.dictionary.believe(settings.overrides)
     families.restrict(made, settings.profile)
+    made.axis.units.told_counts_s = settings.velocity_unit_counts_s
     usual = Parameters()
     if nature.switches == usual.switches and nature.home_switch == usual.home_switch:
         _place_switches(made, settings)

@@ -50,6 +50,7 @@ class Units:
         self._dictionary = dictionary
         self._per_metre, self._per_radian = per_metre, per_radian
         self.of_shaft = False  # 60A9h and 60AAh speak of revolutions behind the gear
+        self.told_counts_s = 0.0  # one unit of velocity, where nothing here says how many a revolution has
         self.position = self.velocity = self.acceleration = 1.0
         self.scale = 1.0  # increments per position unit
         self.plain = True
@@ -79,7 +80,16 @@ class Units:
         if resolution != 1.0:
             return resolution
         values = self._dictionary.values
-        return next((float(times * values[at]) for at, times in ENCODERS if values.get(at)), 1.0)
+        told = next((float(times * values[at]) for at, times in ENCODERS if values.get(at)), 0.0)
+        return told or self._told_revolution()
+
+    def _told_revolution(self) -> float:
+        """By the unit of velocity that was made known, which is one of revolutions."""
+        word = self._dictionary.get(VELOCITY_SI)
+        numerator, time = word >> 16 & 0xFF, SECONDS.get(word >> 8 & 0xFF, 1.0)
+        if self.told_counts_s == 0.0 or numerator not in (REVOLUTION, REV_MIN):
+            return 1.0
+        return self.told_counts_s * time * (SECONDS[0x47] if numerator == REV_MIN else 1.0) / _prefix(word)
 
     def _turn(self) -> float:
         """Increments in a revolution as SI units mean it."""

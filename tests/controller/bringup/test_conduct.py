@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,9 +11,10 @@ import numpy as np
 import pytest
 
 from controller.bringup import protocol
-from controller.bringup.conduct import Site, conduct
+from controller.bringup.conduct import conduct
 from controller.bringup.protocol import Outcome
 from controller.bringup.simulated import SimulatedBench
+from controller.bringup.site import Site
 from controller.bringup.steps import steps
 from controller.bringup.ticks import NotDone, Ticks
 from controller.machine import machine_file
@@ -37,6 +40,9 @@ class Hand:
     def confirms(self, question: Message) -> bool:
         self.asked.append(question["key"])
         return self.sees
+
+    def works(self, request: Message) -> AbstractContextManager[Callable[[], bool]]:
+        raise AssertionError(f"a simulated machine does it itself: {request}")
 
     def does(self, request: Message) -> None:
         raise AssertionError(f"a simulated machine does it itself: {request}")
@@ -126,13 +132,3 @@ def test_an_axis_without_room_is_not_moved(tmp_path: Path) -> None:
     bench = SimulatedBench(replace(machine, axes=(machine.axes[0], short, *machine.axes[2:])))
     with pytest.raises(NotDone, match="no room"):
         done(bench, "scale.Y", tmp_path, Hand(10.0))
-
-
-def test_what_only_the_operator_sees_is_his_word(tmp_path: Path) -> None:
-    machine = machine_file.load("shop")
-    step = next(one for one in steps(machine) if one.name == "switches.X")
-    for sees in (True, False):
-        hand = Hand(sees=sees)
-        made = protocol.opened(tmp_path, machine, simulated=True)
-        found = conduct(step, Site(None, hand, made))  # type: ignore[arg-type]
-        assert found.good is sees and hand.asked == ["bringup.step.switches.look"]

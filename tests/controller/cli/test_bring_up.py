@@ -64,6 +64,14 @@ def test_a_scale_that_is_wrong_is_told_with_its_key_and_kept_for_the_next_time(t
     assert "counts_per_mm" in page and "http" not in page.replace("http://www.w3.org/2000/svg", "")
 
 
+def test_a_step_is_left_out_with_a_reason_and_not_without(tmp_path: Path) -> None:
+    left = asked(str(tmp_path), "--simulate", "--list", "--skip", "rotaries=no probe", "--skip", "sto=no STO")
+    assert left["exit"] == 0 and verdicts(left)["rotaries"] == verdicts(left)["sto.C"] == "skipped"
+    assert "no probe" in (tmp_path / protocol.REPORT).read_text()
+    unsaid = asked(str(tmp_path), "--simulate", "--list", "--skip", "rotaries=")
+    assert unsaid["exit"] == 2 and "rotaries=" in unsaid["error"]
+
+
 @pytest.mark.parametrize(
     ("machine", "name", "way", "gauge", "key", "share"),
     [

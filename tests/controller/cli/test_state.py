@@ -271,13 +271,13 @@ def test_requests_are_listed_newest_first(copied: Path) -> None:
     with contextlib.closing(ServiceStore(copied)) as store:
         noted = Requests(store)
         for user in ("anna", "[red]"):
-            with noted.noted("hold", {"press": "a"}, Asker(user, "operate", "10.0.0.7"), "directrix-panel"):
-                pass
+            with noted.noted("hold", {"press": "a"}, Asker(user, "operate", "10.0.0.7"), "panel") as hear:
+                hear({})
         noted.close()
     words = ["state", "requests", "--state", str(copied)]
     told = json.loads(CliRunner().invoke(app, [*words, "--json"]).stdout)
     assert [row["user"] for row in told["requests"]] == ["[red]", "anna"]
-    assert told["requests"][0]["peer"] == "directrix-panel"
+    assert told["requests"][0]["peer"] == "panel"
     shown = CliRunner().invoke(app, words).stdout
     assert "anna" in shown and "[red]" in shown and "10.0.0.7" in shown
     assert CliRunner().invoke(app, [*words[:-1], str(copied / "none")]).exit_code == 1

@@ -116,6 +116,7 @@ class FakeDoor:
             "usage": lambda: dict(USAGE),
             "changer": dict,
             "probed": lambda: {"found": PROBED},
+            "terminals": lambda: {"word": 0},
         }
         if verb in looks_at:
             return dict(looks_at[verb]())

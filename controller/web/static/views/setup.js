@@ -4,6 +4,7 @@ import { Act, AxisName, Card, Chip, Table, Wrong } from "../parts.js";
 import { dx } from "../store.js";
 import { known, word as text } from "../texts.js";
 import { Backup } from "./setup_backup.js";
+import { BringUp } from "./setup_bring_up.js";
 import { Calibration } from "./setup_calibration.js";
 import { Changer } from "./setup_changer.js";
 import { File, read_anew } from "./setup_file.js";
@@ -14,7 +15,7 @@ import { Users } from "./setup_users.js";
 import { Offsets, Tools, figure, forget_pick, wrong } from "./setup_tables.js";
 
 const word = (key, ...values) => text(`setup.${key}`, ...values);
-const PARTS = { homing: Homing, offsets: Offsets, tools: Tools, changer: Changer, probing: Probing, calibration: Calibration, usage: Usage, file: File, backup: Backup, drives: Drives, users: Users, notices: Notices };
+const PARTS = { homing: Homing, offsets: Offsets, tools: Tools, changer: Changer, probing: Probing, calibration: Calibration, bring_up: BringUp, usage: Usage, file: File, backup: Backup, drives: Drives, users: Users, notices: Notices };
 export const at = { part: "homing" };
 
 function View() {
