@@ -15,15 +15,15 @@ from controller import own_files
 _log = logging.getLogger(__name__)
 
 
-def write(file: Path, text: str | bytes, within: Path | None = None) -> None:
+def write(file: Path, text: str | bytes, within: Path | None = None, mode: int | None = None) -> None:
     """Replace a file, not before the disk has it. Raises OSError; then the old one is as it was.
 
     One writer at a time: what one that died has left half done is written over by the next. ``within``: as
-    ``own_files`` has it.
+    ``own_files`` has it; ``mode``: None: the usual, less the umask.
     """
     new = file.with_name(f"{file.name}.new")
     try:
-        _write_through(new, text, within)
+        _write_through(new, text, within, mode)
         own_files.rename(new, file, within)
     finally:
         own_files.remove(new, within)
@@ -100,13 +100,13 @@ def _staged(file: Path, text: str | bytes, tidy: contextlib.ExitStack) -> tuple[
     for made in (new, old):
         own_files.remove(made)  # of one that died
         tidy.callback(own_files.remove, made)
-    there = os.path.lexists(file)
+    there, mode = os.path.lexists(file), None
     if file.is_symlink():
         os.symlink(os.readlink(file), old)
     elif there:
         mode = stat.S_IMODE(os.lstat(file).st_mode)
         _write_through(old, own_files.read_bytes(file, shared=True), mode=mode)
-    _write_through(new, text)
+    _write_through(new, text, mode=mode)
     return file, new, old if there else None
 
 

@@ -185,7 +185,9 @@ def has_lost(sql: sqlite3.Connection, file: Path) -> bool:
     SQLite drops all from the first bad frame on and says nothing. What is left of the time before has other
     salts; what was never committed has the right sums. Raises OSError, sqlite3.Error.
     """
-    good = int(sql.execute("PRAGMA wal_checkpoint(PASSIVE)").fetchone()[1])  # frames
+    good = 0  # frames
+    with contextlib.suppress(sqlite3.OperationalError):  # a full disk takes none of them; each is looked at
+        good = int(sql.execute("PRAGMA wal_checkpoint(PASSIVE)").fetchone()[1])
     if not _is_bad_after(max(0, good), file):
         return False
     sql.execute("BEGIN IMMEDIATE")  # what another process was just writing is written now

@@ -7,7 +7,7 @@ name, and what the service goes by only if it belongs to whom it should:
 
     with own_files.folder(state / "runs" / name, state) as at:     # a descriptor; no link from ``state`` on
         os.fsync(at)
-    own_files.read_bytes(state / "journal.json")                   # of the service or root, or OSError
+    own_files.read_bytes(state / "machine.json")                   # of the service or root, or OSError
 
 ``within`` is the folder that an operator named; it may be reached by links. Where it is left out, it is the
 one that holds the file. ``shared``: the panel's files, which may belong to anybody who may write there. What

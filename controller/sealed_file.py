@@ -1,14 +1,14 @@
-"""JSON files of the state folder that carry their own checksum, with the generation before beside them.
+"""JSON files of the state folder that carry their own checksum.
 
-    sealed_file.write(file, values)     # {..., "seal": {"generation": 8, "at_s": 1.8e9, "sha256": "..."}}
+    sealed_file.write(file, values)     # {..., "seal": {"generation": 1, "at_s": 1.8e9, "sha256": "..."}}
     sealed_file.read(file)              # values without the seal, or Damaged
-    sealed_file.read(sealed_file.before(file))
 
 The sum is of the file's name, generation, time and values, so that a file that stands in another's place is
-none of it either; one that is older than what was there before it was put there. A file of a version without
-seals is taken as it is, once: ``adopt`` names in ``MARK`` those that have a seal from then on, and without
-one are damaged. One writer a file. What is written once and never replaced is a ``text`` that its writer puts
-on the disk; lines of a file that grows have a sum of their own (``line``).
+none of it either. Lines of a file that grows have a sum of their own (``line``).
+
+A file of a version without seals is taken as it is until ``mark`` says that those of its name have one.
+What has to be known after a bad bit is in a database (``sealed_rows``); versions before had such files for
+it, with the generation before beside each (``before``).
 """
 
 from __future__ import annotations
@@ -26,7 +26,6 @@ from controller.messages import Message, TextError, message
 
 SEAL, VALUE = "seal", "value"  # VALUE: of what is no JSON object
 SUM = "sum"  # of a line
-LINES = ".jsonl"  # behind the name of a file that grows
 BEFORE = ".before"  # behind the name of a file: the generation before
 MARK = "sealed"  # in a folder: the names of its files that have seals, one a line
 _OF_A_SEAL = {"generation", "at_s", "sha256"}
@@ -37,28 +36,10 @@ class Damaged(TextError, ValueError):
     """A file that is not as it was written: ``said`` is why."""
 
 
-def write(file: Path, values: Any) -> None:
-    """Replaces a file, whole or not at all, and keeps the one before. Raises OSError."""
-    new = next_text(file, values)
-    own_files.make_folder(file.parent)
-    with contextlib.suppress(FileNotFoundError):
-        _keep(file)
-    atomic_file.write(file, new)
-
-
-def _keep(file: Path) -> None:
-    """Gives what is there the name of the generation before, too: no moment is without the file."""
-    try:
-        own_files.share(file, before(file))
-    except FileNotFoundError:
-        raise
-    except OSError:  # a file system without second names
-        atomic_file.write(before(file), own_files.read_bytes(file))
-
-
-def next_text(file: Path, values: Any) -> str:
-    """What is written next into a file."""
-    return text(values, file.name, _generation(file) + 1)
+def write(file: Path, values: Any, within: Path | None = None) -> None:
+    """Replaces a file, whole or not at all; ``within``: as ``own_files`` has it. Raises OSError."""
+    own_files.make_folder(file.parent, within)
+    atomic_file.write(file, text(values, file.name), within)
 
 
 def text(values: Any, name: str, generation: int = 1) -> str:
@@ -82,7 +63,7 @@ def read(
     """
     values, seal = _parted(file, name, within, shared, older)
     if seal is None:
-        if _must_have_one(file):
+        if is_marked(file):
             raise Damaged(message("sealed.none"))
         return values
     earlier = None
@@ -135,10 +116,12 @@ def of_line(text: bytes | str, file: Path | None = None, number: int = 0) -> dic
     """
     try:
         return _of_line(text, file, number)
-    except Damaged:
+    except Damaged as error:
         if text[-1:] in (b"\n", "\n"):
             raise
-        return _of_line(text[:-1], file, number)
+        with contextlib.suppress(Damaged):
+            return _of_line(text[:-1], file, number)
+        raise error
 
 
 def _of_line(text: bytes | str, file: Path | None, number: int) -> dict[str, Any]:
@@ -147,25 +130,23 @@ def _of_line(text: bytes | str, file: Path | None, number: int) -> dict[str, Any
     except (ValueError, TypeError, RecursionError) as error:
         raise Damaged(message("sealed.unread", why=str(error))) from error
     found = whole.pop(SUM, None)
-    if found is None and (file is None or _must_have_one(file)):
+    if found is None and (file is None or is_marked(file)):
         raise Damaged(message("sealed.none"))
     if found is not None and found != _sum("", number, 0, whole):
         raise Damaged(message("sealed.other"))
     return whole
 
 
-def adopt(folder: Path, names: Iterable[str]) -> None:
-    """Seals what an older version has written without, and notes that these have seals. Raises OSError."""
-    marked, wanted = _marked(folder), sorted(names)
-    for name in wanted:
-        with contextlib.suppress(FileNotFoundError, Damaged):
-            if name in marked or name.endswith(LINES):
-                continue
-            values, seal = _parted(folder / name)
-            if seal is None:
-                atomic_file.write(folder / name, text(values, name))
-    if not marked.issuperset(wanted):
-        atomic_file.write(folder / MARK, "".join(f"{name}\n" for name in sorted(marked.union(wanted))))
+def mark(folder: Path, names: Iterable[str]) -> None:
+    """From now on files of these names are damaged where they have no seal, or are gone. Raises OSError."""
+    marked = _marked(folder)
+    if not marked.issuperset(names):
+        atomic_file.write(folder / MARK, "".join(f"{name}\n" for name in sorted(marked.union(names))))
+
+
+def is_marked(file: Path) -> bool:
+    """Whether there was such a file, with a seal."""
+    return file.name.removesuffix(BEFORE) in _marked(file.parent)
 
 
 def is_sealed(file: Path, within: Path | None = None, shared: bool = False) -> bool:
@@ -178,12 +159,8 @@ def has_sum(text: bytes) -> bool:
     return f'"{SUM}": '.encode() in text
 
 
-def _must_have_one(file: Path) -> bool:
-    return file.name.removesuffix(BEFORE) in _marked(file.parent)
-
-
 def _marked(folder: Path) -> set[str]:
-    """Names of files that have seals; a mark that is damaged is written anew by ``adopt``."""
+    """Names of files that have seals; none where that cannot be read."""
     with contextlib.suppress(*UNREADABLE):
         return set(own_files.read_text(folder / MARK).split())
     return set()
@@ -218,16 +195,6 @@ def _has_a_damaged_seal(whole: Any) -> bool:
     """Whether there is one under another name."""
     rows = whole.values() if isinstance(whole, dict) else ()
     return any(isinstance(row, dict) and len(_OF_A_SEAL & row.keys()) > 1 for row in rows)
-
-
-def _generation(file: Path) -> int:
-    with contextlib.suppress(*UNREADABLE):
-        seal = _parted(file)[1]
-        return 0 if seal is None else int(seal["generation"])
-    with contextlib.suppress(*UNREADABLE):
-        seal = _parted(before(file))[1]
-        return 0 if seal is None else int(seal["generation"]) + 1
-    return 0
 
 
 def _as_object(values: Any) -> dict[str, Any]:

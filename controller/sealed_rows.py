@@ -70,16 +70,16 @@ def _follow(sql: sqlite3.Connection, name: str) -> None:
         sql.execute(f"CREATE TEMP TRIGGER {name}_{event} AFTER {event} ON main.{name} BEGIN {steps} END")
 
 
-def damaged(sql: sqlite3.Connection) -> list[Row]:
-    """Rows whose sum is of other values, that have none, or that are gone; in the caller's transaction, so
-    that all is of one moment. Raises sqlite3.Error.
+def damaged(sql: sqlite3.Connection, table: str = "") -> list[Row]:
+    """Rows, of one ``table`` or all, whose sum is of other values, that have none, or that are gone; in the
+    caller's transaction, so that all is of one moment. Raises sqlite3.Error.
     """
     sql.create_function("row_sum", -1, _sum, deterministic=True)
     found: list[Row] = []
     sums = (
         f"SELECT row, CAST(sum AS BLOB) FROM {TABLE} WHERE name = ? AND typeof(row) = 'integer' AND row >= 0"
     )
-    for name in _tables(sql):
+    for name in (table,) if table else _tables(sql):
         kept = {row: found_sum for row, found_sum in sql.execute(sums, (name,))}
         there = {row: found_sum for _, row, found_sum in sql.execute(_summed(sql, name))}
         found += [(name, row) for row in sorted({*kept, *there}) if kept.get(row) != there.get(row)]

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from drives import pdo
 from drives.pdo import INT32_MAX as INT32_MAX
 from drives.pdo import INT32_MIN as INT32_MIN
 from drives.profile import GENERIC, Override, Profile
@@ -74,6 +75,7 @@ class NodeSettings:
     demand_every: int = 1  # every so many SYNCs
     demand_per_count: float = 1.0  # of that object's unit
     load_tpdo: int = 0  # number of the TPDO with the encoder at the load; 0 = there is none
+    load_node: int = 0  # of an encoder that is a node of its own, and not ours to set up; 0 = the drive tells
     load_entry: int = 0  # what is mapped into it: index << 16 | sub << 8 | 32
     load_every: int = 1  # every so many SYNCs
     load_per_count: float = 1.0  # of that encoder's counts in one of the drive's, signed
@@ -105,9 +107,15 @@ class NodeSettings:
         return next((number for number in range(1, 5) if number not in self.taken_tpdos), 0)
 
     @property
+    def load_can_id(self) -> int:
+        """Of the frames with the encoder at the load."""
+        return pdo.tpdo(self.load_tpdo, self.load_node or self.node)
+
+    @property
     def taken_tpdos(self) -> tuple[int, ...]:
         """Numbers of the TPDOs that something goes by, but for the mode; 0 of what it does not tell."""
-        asked = (self.probe_tpdo, self.temperature_tpdo, self.demand_tpdo, self.load_tpdo)
+        load_tpdo = 0 if self.load_node else self.load_tpdo
+        asked = (self.probe_tpdo, self.temperature_tpdo, self.demand_tpdo, load_tpdo)
         return (self.profile.tpdo, *asked)
 
 
@@ -148,8 +156,8 @@ class IoSettings:
 
     Both type 255, ``inputs`` and ``outputs`` bytes long. The TPDO's event timer (1800h:05)
     repeats the inputs every ``inputs_every_s``, so that a change whose frame was lost is
-    not lost; the RPDO goes out on change and once a heartbeat. Analogue outputs 6411h, where
-    the machine has any, are RPDO 2, likewise.
+    not lost; the RPDO goes out on change and once a heartbeat. Analogue outputs 6411h, and an
+    object of a spindle's speed, where the machine has any, are RPDO 2, likewise.
     """
 
     name: str
@@ -159,6 +167,11 @@ class IoSettings:
     inputs: int = 1  # bytes
     outputs: int = 1
     analogue: tuple[int, ...] = ()  # counts of 6411h:01, :02 ... when all is off; none: no such outputs
+    speed_entry: int = 0  # an object behind them, of a spindle: index << 16 | sub << 8 | bits; 0 = none
+    speed_idle: int = 0  # its counts when all is off
+    feedback_entry: int = 0  # what it measures of the spindle's speed; 0 = nothing
+    feedback_tpdo: int = 2  # number of the TPDO with that, repeated every ``feedback_every_s``
+    feedback_every_s: float = 0.02
     heartbeat_s: float = 0.05
     inputs_every_s: float = 0.05  # 0: the node has no event timer; the age of inputs is not judged then
     unsupervised: bool = False  # as of an axis

@@ -13,11 +13,12 @@ ROOT = Path(__file__).resolve().parent.parent
 # Room of controller -> rooms of controller that it may import; a file beside the rooms is a room of its own,
 # and every room may import itself.
 # Of which Directrix; how files and databases are opened.
-FOR_ALL = {"version", "own_files", "own_database", "sealed_rows", "npz", "commands"}
+FOR_ALL = {"version", "journald", "own_files", "own_database", "sealed_rows", "npz", "commands"}
 VALUES = {"faults", "geometry", "machine", "motion", "state", "messages"}
 ARROWS: dict[str, set[str]] = {
     "own_files": set(),  # no link of others is followed
     "own_database": set(),  # nor in the place of a SQLite file
+    "journald": set(),  # what is logged, in systemd's journal
     "npz": set(),  # arrays of a file that may be damaged
     "sealed_rows": set(),  # rows of one with a checksum
     "atomic_file": set(),  # files replaced whole

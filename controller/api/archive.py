@@ -31,7 +31,7 @@ from controller.machine import setup_data
 from controller.machine.model import Machine
 from controller.machine.toml_table import ConfigError
 from controller.messages import Key, Message, TextError, message, of_error
-from controller.store import tool_store
+from controller.store import set_up_store
 
 FORMAT = 2
 MANIFEST, MACHINE, FITTING, SETTINGS = "manifest.json", "machine.toml", "fitting.json", "settings.json"
@@ -225,7 +225,7 @@ def _tools(data: bytes) -> dict[str, Any]:
     rows = _object(TOOLS, data)
     try:
         if rows:
-            tool_store.file_with(None, rows)  # they can stand there
+            set_up_store.file_with(None, {}, rows)  # they can stand there
     except ValueError as error:
         raise BackupError(message("archive.tools", part=TOOLS, why=_error_message(error))) from error
     return rows

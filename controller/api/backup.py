@@ -54,7 +54,7 @@ from controller.machine import setup_data
 from controller.machine.model import Machine
 from controller.machine.toml_table import ConfigError
 from controller.messages import Message, message
-from controller.store import service_store, tool_store
+from controller.store import service_store, set_up_store, tool_store
 
 __all__ = ["BackupError", "Contents", "automatic_backups", "check", "keep", "restore", "save", "update"]
 
@@ -76,7 +76,7 @@ def _write(
 ) -> Path:
     parts = {
         MACHINE: config.alone(machine).encode(),
-        FITTING: json.dumps(setup_data.load(store.folder)).encode(),
+        FITTING: json.dumps(set_up_store.load(store.folder)).encode(),
         SETTINGS: json.dumps(notice_settings.without_secrets(store.settings.all())).encode(),
         TOOLS: json.dumps(tools).encode(),
     }
@@ -114,15 +114,14 @@ def restore(
     Raises StoreError, ConfigError, BackupError, OSError.
     """
     lost = service_store.settle(store.folder / service_store.FILE)
-    fitting = store.folder / setup_data.FILE
-    texts: dict[Path, str | bytes] = {fitting: sealed_file.next_text(fitting, contents.fitted)}
-    if (tools := _unconfirmed(store, contents)) is not None:
-        texts[store.folder / service_store.FILE] = tools
+    kept, tools = store.folder / service_store.FILE, contents.tools or _readable_tools(store)
+    # Tools were changed between the two, by hand or by program: nobody knows for sure where they are.
+    texts: dict[Path, str | bytes] = {kept: set_up_store.file_with(kept, contents.fitted, tools)}
     if machine_file is not None:
         texts[machine_file] = config.alone(contents.machine)
     if machine_file is not None or before is None:
         note = store.folder / setup_data.MACHINE
-        texts[note] = sealed_file.next_text(note, setup_data.note_of(contents.machine))
+        texts[note] = sealed_file.text(setup_data.note_of(contents.machine), note.name)
     with contextlib.ExitStack() as work:
         replaced = machine_file if machine_file is not None and machine_file.exists() else None
         done = [lost] if lost is not None else list[Message]()
@@ -139,18 +138,9 @@ def restore(
     done.append(message("backup.programs", count=len(contents.programs)))
     if machine_file is not None:
         done.append(message("backup.machine", machine_file=machine_file))
-    if tools is not None:
+    if tools:
         done.append(message("backup.changer"))
     return [*done, message("backup.offsets")]
-
-
-def _unconfirmed(store: Store, contents: Contents) -> bytes | None:
-    """The service's store with the tools of the archive, else with those that are there; None: no tools.
-
-    Tools were changed between the two, by hand or by program: nobody knows for sure where they are.
-    """
-    rows = contents.tools or _readable_tools(store)
-    return tool_store.file_with(store.folder / service_store.FILE, rows) if rows else None
 
 
 def _readable_tools(store: Store) -> dict[str, list[list[Any]]]:
@@ -230,7 +220,7 @@ def update(store: Store, new: Path, machine_file: Path) -> list[Message]:
     Raises ConfigError, StoreError, OSError.
     """
     machine = config.load(new)
-    setup_data.applied(machine, setup_data.load(store.folder))
+    setup_data.applied(machine, set_up_store.load(store.folder))
     with contextlib.ExitStack() as work:
         done = list[Message]()
         if machine_file.exists():

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import hashlib
 import json
 import os
 import subprocess
@@ -18,15 +17,15 @@ import sys
 import threading
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import IO, Any
 
 from controller.api.answers import Refusal
 from controller.api.programs import Program, ProgramCheck
 from controller.api.quotas import NOBODY, Owner, Turns
 from controller.api.store import Store, StoreError
-from controller.machine import setup_data
+from controller.machine.toml_table import ConfigError
 from controller.messages import message
+from controller.store import set_up_store
 
 WORKER = (sys.executable, "-m", "controller.cli.check_worker")
 LONGEST_S = 3600.0
@@ -49,8 +48,9 @@ class Checker:
 
     def machine(self) -> str:
         """The machine as it is fitted, as one hash; "" = no service has ever run on this state folder."""
-        found = [_bytes(self._store.folder / name) for name in (setup_data.MACHINE, setup_data.FILE)]
-        return hashlib.sha256(found[0] + b"\0" + found[1]).hexdigest() if found[0] else ""
+        with contextlib.suppress(OSError, ConfigError):
+            return set_up_store.sum_of(self._store.folder)
+        return ""
 
     def of(self, program: Program) -> ProgramCheck | None:
         """What is known of a program on the machine as it is fitted now. Raises StoreError."""
@@ -171,13 +171,6 @@ def _give(stdin: IO[str], job: str) -> None:
     with contextlib.suppress(BrokenPipeError):  # it died; that shows in what it says
         stdin.write(job)
         stdin.close()
-
-
-def _bytes(file: Path) -> bytes:
-    try:
-        return file.read_bytes()
-    except OSError:
-        return b""
 
 
 # What takes seconds and is asked for now is done in a process of its own, one at a time for each asker, and

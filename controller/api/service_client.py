@@ -10,6 +10,7 @@ status of after that answer.
 from __future__ import annotations
 
 import asyncio
+import math
 import time
 from collections.abc import Mapping
 from contextvars import ContextVar
@@ -105,11 +106,18 @@ class Watch:
         self._last: dict[str, Any] = {}
         self.asked = asyncio.Event()  # set by whatever may change the machine, and by who wants to know it
         self._asked_s = self._answered_s = self._fresh_to_s = -1e9  # monotonic
+        self._heard_s, self._lost_s = -math.inf, math.inf  # likewise: heard last; gone since, or before that
 
     async def ask(self, verb: str, **args: Any) -> dict[str, Any]:
         """As the door's."""
         try:
-            return await self._door.ask(verb, **args)
+            answer = await self._door.ask(verb, **args)
+            self._heard_s, self._lost_s = time.monotonic(), math.inf
+            return answer
+        except Refusal as refused:
+            if refused.facts.code == "gone":
+                self._lost_s = min(self._lost_s, time.monotonic())
+            raise
         finally:
             if verb not in TELLS:
                 self._answered_s = time.monotonic()
@@ -120,12 +128,19 @@ class Watch:
         """Since something was asked that may change the machine."""
         return time.monotonic() - self._answered_s
 
+    def gone_s(self, by_clock_s: float) -> float:
+        """For how long the service is gone: by the wall's clock, which may have been set since, but at least
+        since it was missed, and at most since it was heard.
+        """
+        now_s = time.monotonic()
+        return min(max(by_clock_s, now_s - self._lost_s, 0.0), now_s - self._heard_s)
+
     async def status(self) -> dict[str, Any]:
         """At most ``FRESH_S`` old, and asked for after the last answer. Raises Refusal."""
         async with self._asking:
             asked_s = time.monotonic()
             if asked_s > self._fresh_to_s or self._asked_s < self._answered_s:
-                self._last = await self._door.ask("status")
+                self._last = await self.ask("status")
                 self._asked_s, self._fresh_to_s = asked_s, time.monotonic() + FRESH_S
             return self._last
 

@@ -23,11 +23,12 @@ from controller.api.service_client import ServiceClient
 from controller.api.signals import Array, Signals
 from controller.ipc import packed_rows
 from controller.ipc.handoff import COLUMN, ROW, rows_of
-from controller.machine import machine_file, setup_data
+from controller.machine import machine_file
 from controller.machine.model import Machine
 from controller.machine.toml_table import ConfigError
 from controller.state import record_files
 from controller.state.setpoints import SETPOINTS
+from controller.store import set_up_store
 
 KEPT_S = 30.0
 AT_ONCE = 500  # rows of one answer of the service: 170 kB at worst
@@ -76,14 +77,14 @@ def unpacked(told: dict[str, Any]) -> Array:
 def machine_of(state: Path) -> Machine:
     """The machine of the service that runs, or ran last. Raises Refusal."""
     try:
-        return _noted(state, *(_stamp(state / name) for name in (setup_data.MACHINE, setup_data.FILE)))
+        return _noted(state, set_up_store.sum_of(state))
     except (ConfigError, OSError, ValueError, KeyError) as error:
         raise Refusal.of(404, "missing", "no_machine") from error
 
 
 @lru_cache(maxsize=4)
-def _noted(state: Path, *_: tuple[int, int]) -> Machine:
-    return setup_data.machine(state)
+def _noted(state: Path, _: str) -> Machine:
+    return set_up_store.machine(state)
 
 
 def of_recording(folder: Path) -> Signals:

@@ -32,9 +32,9 @@ from controller.bringup.site import Site
 from controller.bringup.ticks import NotDone
 from controller.cli import remote
 from controller.cli.live_bench import LiveBench
-from controller.machine import setup_data
 from controller.messages import Message, message, of_error
 from controller.runtime import children
+from controller.store import set_up_store
 from controller.verify.console import Refused, spoken
 
 
@@ -53,7 +53,7 @@ def main() -> None:
 
 def conducted(job: dict[str, Any]) -> Message | None:
     """Why the step was not ended, where it was not. Raises Refused, OSError, ValueError."""
-    machine = setup_data.machine(Path(job["state"]))
+    machine = set_up_store.machine(Path(job["state"]))
     steps = declared.steps(machine)
     (step,) = [one for one in steps if one.name == job["step"]]
     kept = Path(job["state"]) / protocols.FOLDER

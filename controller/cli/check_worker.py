@@ -33,6 +33,7 @@ from controller.program import blocks, linked, refusals
 from controller.program.program import Block, ProgramError
 from controller.runtime import checked, children, refused_path
 from controller.service import durations
+from controller.store import set_up_store
 from controller.verify.audit import Watched
 from controller.verify.maps import maps
 
@@ -72,7 +73,7 @@ def check(
     pictures = own_folder.of(state) / PICTURES
     try:
         files = {file: Path(at) for file, at in job.get("files", {}).items()}
-        machine = setup_data.machine(state)
+        machine = set_up_store.machine(state)
         text = linked.linked(Path(job["program"]).read_bytes(), linked.among(files), machine)
         task = checked.task(text, name, machine)
         lines = max(1, int(job["lines"]))
@@ -106,7 +107,7 @@ def check(
         figures[listed] = figures[listed][:MAX_CUTS]
     notes = [note.facts for note in kept.notes[:MAX_CUTS]]
     figures["verdict"] = checked.verdict_of(kept)
-    figures["fitted"] = setup_data.names(setup_data.load(state))  # what counts instead of the machine file
+    figures["fitted"] = setup_data.names(set_up_store.load(state))  # what counts instead of the machine file
     return "passed", {**figures, "notes": notes, "warning": warning, "stored": task.key}
 
 

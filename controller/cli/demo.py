@@ -24,7 +24,6 @@ from controller.ipc import control_socket
 from controller.ipc.control_socket import Client, CommandRefused
 from controller.ipc.handoff import COLUMN
 from controller.ipc.packed_rows import unpacked
-from controller.machine import setup_data
 from controller.machine.model import Machine
 from controller.runtime import children, recording
 from controller.service import engine, main
@@ -32,6 +31,8 @@ from controller.service.folders import Folders
 from controller.service.jobs import UNDER_WAY
 from controller.service.service import Service
 from controller.state.modes import Binding, Fault, binding_text
+from controller.store import service_store
+from controller.store.set_up_store import SPINDLE
 from controller.verify.console import Refused, bar, say, spoken
 
 POLL_S = 0.5
@@ -69,7 +70,7 @@ def cut(machine: Machine, program: Path, checks: Path, unchecked: bool, quiet: b
     with children.CtrlC() as ctrl_c, made as text:
         folder = Path(text)
         if (tool := TOOLS.get(program.name)) is not None:
-            setup_data.put_in(folder, tool)
+            service_store.put(folder, SPINDLE, tool)
         kept = Folders(folder, checks, recording.folder())
         with served(engine.simulated(machine), kept, folder / "run") as (service, client), _sentences():
             operator = Operator(client, ctrl_c.look)

@@ -16,7 +16,7 @@ from pathlib import Path
 from controller.machine import machine_file, setup_data
 from controller.machine.model import TOOL_AT_POWER_ON
 from controller.runtime import children
-from controller.store import tool_store
+from controller.store import set_up_store, tool_store
 from controller.store.service_store import ServiceStore
 from controller.verify.console import Refused, say, show, tell
 
@@ -73,7 +73,7 @@ def _stock(folder: Path) -> None:
 
 def load_magazine(folder: Path) -> None:
     """A simulated changer knows what it holds: nobody could look, and confirm it before anything moves."""
-    machine = setup_data.applied(machine_file.load(MACHINE), setup_data.load(folder))
+    machine = setup_data.applied(machine_file.load(MACHINE), set_up_store.load(folder))
     assert machine.changer is not None
     with contextlib.closing(ServiceStore(folder)) as kept:
         store = tool_store.ToolStore(kept)

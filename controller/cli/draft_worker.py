@@ -14,11 +14,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from controller.machine import setup_data
 from controller.program import linked, refusals
 from controller.program.position import homed
 from controller.program.program import ProgramError
 from controller.runtime import children
+from controller.store import set_up_store
 
 
 def main() -> None:
@@ -33,7 +33,7 @@ def read(job: Mapping[str, Any]) -> list[dict[str, Any]]:
     Raises ConfigError and OSError.
     """
     files = {file: Path(at) for file, at in job["files"].items()}
-    machine, name = setup_data.machine(Path(job["state"])), str(job["name"])
+    machine, name = set_up_store.machine(Path(job["state"])), str(job["name"])
     text = linked.linked(str(job["text"]).encode(), linked.among(files), machine)
     found = refusals.of(text, machine, name, homed(machine))
     return [_row(one, name) for one in found[: refusals.MAX_REPORTED]]

@@ -9,6 +9,7 @@ import typer
 
 from controller.machine import setup_data
 from controller.machine.model import Machine
+from controller.store import set_up_store
 from controller.verify.console import say
 
 Fitted = Annotated[Path | None, typer.Option("--fitted")]
@@ -30,4 +31,4 @@ def sentence(names: list[str]) -> str:
 
 
 def _values(fitted: Path) -> dict[str, Any]:
-    return setup_data.read(fitted / setup_data.FILE if fitted.is_dir() else fitted)
+    return set_up_store.load(fitted) if fitted.is_dir() else setup_data.read(fitted)

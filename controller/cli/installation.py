@@ -22,6 +22,7 @@ UNIT_FOLDER = Path("/etc/systemd/system")
 NETWORK_FOLDER = Path("/etc/systemd/network")
 ENVIRONMENT = Path("/etc/directrix/directrix.env")
 STATE = Path("/var/lib/directrix")
+COMMAND = "directrix"
 NETWORK_PREFIX = "70-directrix-"  # the first that matches counts: before Debian's 73-usb-net-by-mac.link
 
 SHIPPED_PYTHON, SHIPPED_INTERFACE, SHIPPED_RATE = "/opt/directrix/bin/python", "can0", "BitRate=1000000"

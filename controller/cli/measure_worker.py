@@ -28,6 +28,7 @@ from controller.messages import of_error
 from controller.program import linked
 from controller.program.program import ProgramError
 from controller.runtime import children
+from controller.store import set_up_store
 
 
 def main() -> None:
@@ -47,7 +48,7 @@ def main() -> None:
 def evaluated(job: Mapping[str, Any]) -> dict[str, Any]:
     """Raises Refusal, ProgramError, ConfigError, OSError."""
     state, name = Path(job["state"]), str(job["measurement"])
-    text, machine = b"", setup_data.machine(state)
+    text, machine = b"", set_up_store.machine(state)
     if job["program"]:
         files = {file: Path(at) for file, at in job["files"].items()}
         text = bytes(linked.linked(Path(job["program"]).read_bytes(), linked.among(files), machine))

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from controller import messages
+from controller import journald, messages
 from controller.ipc import control_socket
 from controller.runtime import cores
 from controller.verify.console import Refused, refusals, say, spoken, tell
@@ -40,6 +40,7 @@ def panel(
     """Serve programs, status and control of a machine over HTTP; it may end and come back at any time."""
     from controller.cli import panel_users
 
+    journald.use()
     with refusals(False, panel_users.expected):
         try:
             from controller.api.access import is_loopback
@@ -66,6 +67,7 @@ def panel(
             host=host,
             port=port,
             log_level="warning",
+            **({"log_config": None} if journald.in_use() else {}),  # else uvicorn's own format
             access_log=False,  # the audit log says who changed what
             server_header=False,
             proxy_headers=bool(proxy),

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
+
+import numpy as np
 
 from controller import messages, own_files
 from controller.machine import machine_file, setup_data
@@ -17,10 +19,10 @@ from controller.machine.toml_table import ConfigError
 from controller.program import linked
 from controller.runtime import events
 from controller.runtime.checked import Task, Walk
-from controller.runtime.comparison import Comparison, Difference, Spoilt, off_path
+from controller.runtime.comparison import Comparison, Difference, off_path
 from controller.runtime.events import Recorded
 from controller.state import record_files
-from controller.state.setpoints import ACTUAL, SETPOINTS, Counts, SpoiltSegment, counts_per_unit
+from controller.state.setpoints import ACTUAL, MISSING, SETPOINTS, Counts, Spoilt, counts_per_unit
 from controller.verify.console import Refused, say, spoken
 
 if TYPE_CHECKING:
@@ -42,6 +44,7 @@ class RecordedRun:
         self.recorded, self._file, self.text = recorded, file, text
         self.name = str(record_files.known(file.parent).get("name") or events.PROGRAM)
         self.machine = setup_data.applied(self._built, recorded.begin.fitted)
+        self._unknown: tuple[Spoilt, ...] = ()  # positions
         self._wanted = Comparison(file.parent, recorded) if SETPOINTS.segments(file.parent) else None
         if self._wanted is not None and not self._wanted.ticks:
             self._wanted.finish()
@@ -87,12 +90,13 @@ class RecordedRun:
     def positions(self) -> Counts | None:
         """That the drives reported, (N, MAX_AXES) counts; None where an earlier version kept none.
 
-        Raises Refused.
+        Of a spoilt segment there are none (``MISSING``), which ``judge`` says from then on. Raises Refused
+        where there are none at all.
         """
-        try:
-            return ACTUAL.read(self._file.parent)
-        except SpoiltSegment as error:
-            raise Refused(say("cli.replay.unreadable", parent=self._file.parent, why=error.said)) from error
+        found, self._unknown = ACTUAL.read_around(self._file.parent)
+        if self._unknown and found is not None and np.all(found == MISSING):
+            self._refuse(self._unknown[0])
+        return found
 
     def trace(self, task: Task, bench: SteppedMachine, run: Run, positions: Counts | None) -> Trace:
         """Of the repetition, with ``positions`` of the drives in place of those of the simulated ones."""
@@ -110,12 +114,13 @@ class RecordedRun:
         wanted = self._wanted
         if wanted is None:
             found = {"recorded_ticks": 0, "compared_ticks": 0, "lacks_turns": False, "off_path": False}
-            return {**found, "spoilt": []}
+            return {**found, "partial": False, "spoilt": []}
         wanted.finish()
+        is_loose = bool(self.recorded.lost)
         if wanted.difference is not None:
             raise self._otherwise(wanted.difference)
         self._refuse_unreadable()
-        if run.result != "completed" and self._ended_as() == "completed":
+        if run.result != "completed" and self._ended_as() == "completed" and not is_loose:
             raise Refused(
                 say(
                     "cli.replay.not_to_end",
@@ -128,7 +133,7 @@ class RecordedRun:
         ticks = min(wanted.ticks, off_path(self.recorded))
         if run.lacks_from is not None:
             ticks = min(ticks, run.lacks_from)
-        if wanted.made < ticks:
+        if wanted.made < ticks and not is_loose:
             raise Refused(
                 say(
                     "cli.replay.shorter",
@@ -141,29 +146,36 @@ class RecordedRun:
         return {
             "recorded_ticks": wanted.ticks,
             "compared_ticks": wanted.compared,
-            "lacks_turns": run.lacks_from is not None,
+            "lacks_turns": run.lacks_from is not None and not is_loose,
             "off_path": off_path(self.recorded) < wanted.ticks,
-            "spoilt": [self._spoilt(one) for one in wanted.spoilt],
+            "partial": is_loose or bool(wanted.spoilt or self._unknown),
+            "spoilt": [
+                *(spoilt_json(one, self.machine.period_s, "cli.replay.spoilt") for one in wanted.spoilt),
+                *(spoilt_json(one, self.machine.period_s, "cli.replay.positions") for one in self._unknown),
+                *self._spoilt_lines(wanted),
+            ],
         }
 
     def _refuse_unreadable(self) -> None:
         """Raises Refused where some of the record is spoilt, and nothing of it could be compared."""
         if self._wanted is not None and self._wanted.spoilt and not self._wanted.compared:
-            why = self._wanted.spoilt[0].why
-            raise Refused(say("cli.replay.unreadable", parent=self._file.parent, why=why))
+            self._refuse(self._wanted.spoilt[0])
 
-    def _spoilt(self, found: Spoilt) -> dict[str, Any]:
-        """Which segment, and of when: ``at_s`` and ``until_s`` from the start of the run."""
-        why = messages.text(found.why, spoken.get())
-        at_s, until_s = (tick * self.machine.period_s for tick in (found.first, found.end))
-        return {
-            "file": found.file,
-            "first_tick": found.first,
-            "end_tick": found.end,
-            "at_s": at_s,
-            "until_s": until_s,
-            "sentence": say("cli.replay.spoilt", file=found.file, why=why, at_s=at_s, until_s=until_s),
-        }
+    def _refuse(self, spoilt: Spoilt) -> NoReturn:
+        raise Refused(say("cli.replay.unreadable", parent=self._file.parent, why=spoilt.why))
+
+    def _spoilt_lines(self, wanted: Comparison) -> Iterator[dict[str, Any]]:
+        """Lines of the events; behind the first that is lost the run may be another one from some tick on."""
+        ends = min(wanted.made, wanted.ticks) if wanted.lost_from is None else wanted.lost_from
+        lost = self.recorded.lost
+        for line in self.recorded.spoilt:
+            is_first, key = bool(lost) and line is lost[0], "mended" if line.is_mended else "lost"
+            from_tick = ends if is_first and ends < wanted.ticks else None
+            first = max(0, line.tick) if from_tick is None else from_tick
+            end = first if from_tick is None else wanted.ticks
+            found = Spoilt(f"{self._file.name}:{line.number}", first, end, line.why)
+            key = key if from_tick is None else "lost_from"
+            yield spoilt_json(found, self.machine.period_s, f"cli.replay.line_{key}")
 
     def _otherwise(self, found: Difference) -> Refused:
         """Where, when and by how much."""
@@ -207,6 +219,22 @@ def expected() -> tuple[type[Exception], ...]:
     from drives.commission import CommissionError
 
     return ConfigError, SessionError, events.EventError, BusError, CommissionError
+
+
+def spoilt_json(found: Spoilt, period_s: float, key: str) -> dict[str, Any]:
+    """What cannot be read of a record, and when: ``at_s`` and ``until_s`` from the start of the run; ``key``:
+    of a text that says so.
+    """
+    why = messages.text(found.why, spoken.get())
+    at_s, until_s = found.first * period_s, found.end * period_s
+    return {
+        "file": found.file,
+        "first_tick": found.first,
+        "end_tick": found.end,
+        "at_s": at_s,
+        "until_s": until_s,
+        "sentence": say(key, file=found.file, why=why, at_s=at_s, until_s=until_s),
+    }
 
 
 def read(file: Path, machine: Machine, program: bytes) -> RecordedRun | None:

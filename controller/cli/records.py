@@ -11,6 +11,7 @@ from rich.table import Table
 
 from controller import messages
 from controller.cli import speech
+from controller.cli.recorded_runs import spoilt_json
 from controller.machine.toml_table import ConfigError
 from controller.runtime import records
 from controller.runtime.events import EventError
@@ -44,11 +45,14 @@ def export(
             records.write(found, out, spoken.get())
         except NoRecord as error:
             raise _refused(error) from error
+        spoilt = [spoilt_json(one, found.period_s, "records.spoilt") for one in found.spoilt]
         facts = {"kind": found.kind, "rows": found.rows, "columns": _facts(found)}
+        facts |= {"partial": bool(spoilt), "spoilt": spoilt}
         if as_json:
             print(json.dumps({"ok": True, "file": str(out), "period_s": found.period_s, **facts}))
         else:
-            show.print(_say("written", file=out, rows=found.rows, columns=len(found.columns)), markup=False)
+            words = _say("written", file=out, rows=found.rows, columns=len(found.columns))
+            show.print(" ".join([words, *(one["sentence"] for one in spoilt)]), markup=False)
 
 
 @speech.speaking
@@ -63,14 +67,21 @@ def compare(a: Recording, b: Recording, tolerance: Tolerance = 0.0, as_json: Jso
             found = records.compare(first, second, tolerance)
         except NoRecord as error:
             raise _refused(error) from error
-        facts = {
+        facts: dict[str, Any] = {
             "rows": found.rows,
             "lengths": found.lengths,
             "columns": [one._asdict() for one in found.columns],
             "only": found.only,
+            "spoilt": [
+                spoilt_json(one, of.period_s, "records.not_compared")
+                for of in (first, second)
+                for one in of.spoilt
+            ],
         }
         if not as_json:
             show.print(_table(found.columns, first, second))
+            for one in facts["spoilt"]:
+                show.print(one["sentence"], markup=False)
         if not found.is_same:
             raise Refused(_apart(found, first), **facts)
         if as_json:

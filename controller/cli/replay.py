@@ -109,9 +109,10 @@ def _made_again(record: RecordedRun, trace_file: Path | None, as_json: bool) -> 
         tell.print(say("cli.replay.title", name=record.name, machine=record.machine.name), markup=False)
     with bar(say("cli.bar.replaying"), as_json) as progress:
         bench, run = record.repeat(task, progress, keep=trace_file is not None)
+    positions = record.positions() if trace_file is not None else None
     figures = record.judge(run)
     if trace_file is not None:
-        record.trace(task, bench, run, record.positions()).save(trace_file)
+        record.trace(task, bench, run, positions).save(trace_file)
     return {
         "program": record.name,
         "machine": record.machine.name,

@@ -12,6 +12,7 @@ from typing import Annotated, Literal
 
 import typer
 
+from controller import journald
 from controller.cli import machine_check
 from controller.ipc import control_socket
 from controller.machine import machine_file
@@ -45,6 +46,7 @@ def serve(
     """Drive a machine: drives, planner and tick, with a local socket for panel and scripts."""
     from drives.bus import BusError
 
+    journald.use()
     with refusals(False, lambda: (ConfigError, SessionError, BusError)):
         from controller.service import main
         from controller.service.pendant import read

@@ -1,12 +1,10 @@
-"""``directrix service``: the services of a machine under systemd: install, uninstall, status, self-test."""
+"""``directrix service``: the services of a machine under systemd, from the installation to its end."""
 
 from __future__ import annotations
 
 import contextlib
 import json
-import os
 import shutil
-import subprocess
 import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -15,9 +13,10 @@ from typing import Annotated, Any
 import typer
 
 from controller.api import own_folder
-from controller.cli import installation, self_test
+from controller.cli import installation, locked, self_test, update
 from controller.cli.host_lines import Line
 from controller.cli.installation import ENVIRONMENT, STATE, TARGET, UNITS
+from controller.cli.privileged import as_root, run
 from controller.machine import machine_file
 from controller.machine.model import Machine
 from controller.machine.toml_table import ConfigError
@@ -52,6 +51,7 @@ def install(
     simulate: Annotated[bool | None, typer.Option("--simulate/--no-simulate")] = None,
     panel: Annotated[str | None, typer.Option("--panel")] = None,
     start: Annotated[bool, typer.Option("--start")] = False,
+    unlocked: Annotated[bool, typer.Option("--unlocked")] = False,
     root: Root = None,
     as_json: Json = False,
 ) -> None:
@@ -67,14 +67,14 @@ def install(
         if problems := drive_sheets.refusal(made):
             raise Refused("\n".join(map(in_words, problems)))
         if root is None:
-            _may_install(made, named)
+            _may_install(made, named, unlocked)
         serve = None if simulate is None else "--simulate" * simulate
         text = installation.environment(present, source, serve, panel)
         paths = _write(root or Path("/"), made, text)
         if root is None:
             _make_known(made)
             if start:
-                _run("systemctl", "start", TARGET)
+                run("systemctl", "start", TARGET)
         _tell_installed(as_json, paths, made, root is None and not start)
 
 
@@ -88,9 +88,11 @@ def _source(machine: str | None) -> str | None:
     return str(Path(machine).resolve()) if machine is not None and Path(machine).is_file() else machine
 
 
-def _may_install(machine: Machine, source: str) -> None:
+def _may_install(machine: Machine, source: str, unlocked: bool) -> None:
     """Raises Refused, before anything is written. ``source``: path or name of the machine file."""
-    _as_root("install")
+    as_root("install")
+    if not unlocked and (others := locked.others()):
+        raise Refused(say("cli.service.unlocked", others=", ".join(others), lock=locked.shipped()))
     if not Path("/run/systemd/system").is_dir():
         raise Refused(say("cli.service.no_systemd"))
     _seen_by_a_service(source)
@@ -118,11 +120,6 @@ def _needed(source: str) -> Iterator[tuple[str, str]]:
     yield say("cli.service.machine"), source
 
 
-def _as_root(what: str) -> None:
-    if os.geteuid() != 0:
-        raise Refused(say("cli.service.as_root", what=what))
-
-
 def _write(root: Path, machine: Machine, environment: str) -> list[Path]:
     """Raises OSError. All texts are there before the first is written."""
     written = [*installation.files(machine), installation.File(ENVIRONMENT, environment)]
@@ -142,33 +139,21 @@ def _write(root: Path, machine: Machine, environment: str) -> list[Path]:
 
 def _make_known(machine: Machine) -> None:
     """Users, folders, units, interfaces. Raises Refused."""
-    _run("systemd-sysusers", "/etc/sysusers.d/directrix.conf")
-    _run("systemd-tmpfiles", "--create", "/etc/tmpfiles.d/directrix.conf")
+    run("systemd-sysusers", "/etc/sysusers.d/directrix.conf")
+    run("systemd-tmpfiles", "--create", "/etc/tmpfiles.d/directrix.conf")
     try:
         own_folder.part(STATE)
     except OSError as error:
         raise Refused(say("os_error_of", file=error.filename or STATE, why=error)) from error
-    _run("systemctl", "daemon-reload")
+    run("systemctl", "daemon-reload")
     names = [f"/sys/class/net/{bus.channel}" for bus in installation.interfaces(machine)]
     with contextlib.suppress(Refused):  # interfaces that are there already; others are met when they come
-        _run("udevadm", "control", "--reload")
+        run("udevadm", "control", "--reload")
         there = [name for name in names if Path(name).exists()]
         if there:
-            _run("udevadm", "trigger", "--action=add", "--settle", *there)
+            run("udevadm", "trigger", "--action=add", "--settle", *there)
     with contextlib.suppress(Refused):  # nobody to reload: the service starts it
-        _run("networkctl", "reload")
-
-
-def _run(*command: str) -> str:
-    """Its standard output. Raises Refused with its own words."""
-    try:
-        done = subprocess.run(command, capture_output=True, text=True)
-    except FileNotFoundError:
-        raise Refused(say("cli.service.no_command", command=command[0])) from None
-    if done.returncode:
-        words = done.stderr.strip() or say("cli.service.code", code=done.returncode)
-        raise Refused(say("cli.service.failed", command=" ".join(command), why=words))
-    return done.stdout
+        run("networkctl", "reload")
 
 
 def _tell_installed(as_json: bool, paths: list[Path], machine: Machine, hint: bool) -> None:
@@ -190,16 +175,16 @@ def uninstall(root: Root = None, as_json: Json = False) -> None:
     with refusals(as_json, lambda: ()):
         below = root or Path("/")
         if root is None:
-            _as_root("uninstall")
+            as_root("uninstall")
         paths = installation.written(below)
         if root is None and (below / "etc/systemd/system" / TARGET) in paths:
-            _run("systemctl", "stop", *UNITS)
+            run("systemctl", "stop", *UNITS)
         paths += installation.enabled_lines(below)
         for path in paths:
             path.unlink()
             _remove_empty(path.parent)
         if root is None and shutil.which("systemctl"):
-            _run("systemctl", "daemon-reload")
+            run("systemctl", "daemon-reload")
         if as_json:
             print(json.dumps({"ok": True, "removed": list(map(str, paths))}))
         elif paths:
@@ -215,6 +200,11 @@ def _remove_empty(folder: Path) -> None:
             folder.rmdir()
 
 
+app.command("sbom")(locked.sbom)
+app.command("update")(update.update)
+app.command("rollback")(update.rollback)
+
+
 # --- status ------------------------------------------------------------------------------
 
 
@@ -222,7 +212,7 @@ def _remove_empty(folder: Path) -> None:
 def status(as_json: Json = False) -> None:
     """How the services are; exit code 3 when one of them does not run."""
     with refusals(as_json, lambda: ()):
-        units = _shown(_run("systemctl", "show", "--property", ",".join(("Id", *SHOWN)), *UNITS))
+        units = _shown(run("systemctl", "show", "--property", ",".join(("Id", *SHOWN)), *UNITS))
         running = all(unit["ActiveState"] == "active" for unit in units)
         if as_json:
             print(json.dumps({"ok": running, "units": units}))

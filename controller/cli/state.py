@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import hashlib
 import json
 import os
 import sqlite3
+import tempfile
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -33,17 +35,19 @@ from controller.verify.console import Refused, refusals, say, show, spoken
 
 app = typer.Typer(add_completion=False, no_args_is_help=True)
 
-Condition = Literal["ok", "older", "damaged"]
+Condition = Literal["ok", "older", "unread", "damaged"]
 OK: Final = "ok"
 OLDER: Final = "older"
+UNREAD: Final = "unread"
 DAMAGED: Final = "damaged"
 WRONG = (OSError, ValueError, events.EventError)
+COPIES = 10  # of a database that is written meanwhile
 GROUPS = (record_files.RUNS, record_files.RECORDINGS, "checks", arrangement.FOLDER)
 PROGRAMS = f"{own_folder.PANEL}/{FOLDER}/"
 
 
 class Found(NamedTuple):
-    """A file, by its path in the state folder; ``why`` it is damaged."""
+    """A file, by its path in the state folder; ``why`` it is damaged, or cannot be read by who asks."""
 
     file: str
     condition: Condition
@@ -61,20 +65,22 @@ def check(
     as_json: Annotated[bool, typer.Option("--json")] = False,
 ) -> None:
     """Hold every file and row of a state folder against its checksum. It changes nothing; exit code 1 where
-    one is damaged.
+    one is damaged, or not for you to read.
     """
     with refusals(as_json, lambda: (OSError,)):
         folder = state or control_socket.state_folder()
         if not folder.is_dir():
             raise Refused(say("cli.support.no_state", folder=folder))
         found = list(look(folder))
-        damaged = [one for one in found if one.condition == DAMAGED]
+        counts = Counter(one.condition for one in found)
+        ok = not counts[DAMAGED] and not counts[UNREAD]
         if as_json:
             rows = [{**one._asdict(), "why": in_words(one)} for one in found]
-            print(json.dumps({"ok": not damaged, "damaged": len(damaged), "files": rows}))
+            told = {"ok": ok, "damaged": counts[DAMAGED], "unread": counts[UNREAD], "files": rows}
+            print(json.dumps(told))
         else:
             show.print("\n".join(_lines(found)), markup=False, soft_wrap=True)
-    if damaged:
+    if not ok:
         raise typer.Exit(1)
 
 
@@ -104,19 +110,20 @@ def list_requests(
 
 
 def in_words(one: Found) -> str:
-    """Why it is damaged; empty where it is not."""
+    """Why it is damaged or unread; empty where it is neither."""
     return "" if one.why is None else messages.text(one.why, spoken.get())
 
 
 def _lines(found: list[Found]) -> Iterator[str]:
     """One each, but for the many of a folder that are as they should be."""
-    counts = Counter((_group(one), one.condition) for one in found if one.condition != DAMAGED)
+    counts = Counter((_group(one), one.condition) for one in found if one.why is None)
     for (name, condition), count in counts.items():
         yield say(f"cli.state.{condition}", file=f"{name} ({count})" if name.endswith("/") else name)
     for one in found:
-        if one.condition == DAMAGED:
-            yield say("cli.state.damaged", file=one.file, why=in_words(one))
-    yield say("cli.state.all", count=len(found), damaged=sum(one.condition == DAMAGED for one in found))
+        if one.why is not None:
+            yield say(f"cli.state.{one.condition}", file=one.file, why=in_words(one))
+    of = Counter(one.condition for one in found)
+    yield say("cli.state.all", count=len(found), damaged=of[DAMAGED], unread=of[UNREAD])
 
 
 def _group(one: Found) -> str:
@@ -128,17 +135,21 @@ def _group(one: Found) -> str:
 
 def look(state: Path) -> Iterator[Found]:
     """Every file of a state folder that is read again, in the order of their names. Raises OSError."""
-    for name in (*owners.SEALED, *older_files.DOCUMENTS):
+    for name in owners.SEALED:
+        yield from _held(state / name, state, _sealed)
+    for name in older_files.DOCUMENTS:
         for file in (state / name, sealed_file.before(state / name)):
             yield from _held(file, state, _sealed)
-        yield from _gone(state / name, sealed_file.before(state / name))
+        if os.path.lexists(sealed_file.before(state / name)):
+            yield from _gone(state / name)
     yield from _held(state / older_files.ALARMS, state, _alarms)
     own = own_folder.of(state)
     yield from _held(own / log_in_marker.FILE, state, _log_in)
     yield from _held(own / own_folder.STORE, state, _rows)
     for name in (tool_store.OLDER, service_store.FILE, service_store.COPY):
         yield from _held(state / name, state, _rows)
-    yield from _gone(state / service_store.FILE, state / service_store.COPY)
+    if os.path.lexists(state / service_store.COPY) or sealed_file.is_marked(state / service_store.FILE):
+        yield from _gone(state / service_store.FILE)
     folders = Folders.within(state)
     for folder in (folders.arranged, folders.checks):
         for name in own_files.names(folder, state):
@@ -175,15 +186,17 @@ def _held(file: Path, state: Path, condition: Callable[[Path, Path], Condition])
         return
     try:
         yield Found(name, condition(file, state))
+    except PermissionError as error:
+        yield Found(name, UNREAD if error.errno == errno.EACCES else DAMAGED, of_error(error))
     except WRONG as error:
         yield Found(name, DAMAGED, of_error(error))
     except sqlite3.Error as error:
         yield Found(name, DAMAGED, messages.plain(str(error)))
 
 
-def _gone(file: Path, before: Path) -> Iterator[Found]:
-    """A file that is not there, though the one before it is: then something has taken it away."""
-    if os.path.lexists(before) and not os.path.lexists(file):
+def _gone(file: Path) -> Iterator[Found]:
+    """A file that was there, and is no more: something has taken it away."""
+    if not os.path.lexists(file):
         yield Found(file.name, DAMAGED, message("sealed.gone"))
 
 
@@ -219,13 +232,34 @@ def _log_in(file: Path, state: Path) -> Condition:
 
 
 def _rows(file: Path, state: Path) -> Condition:
-    with contextlib.closing(own_database.opened(file)) as sql:
-        if own_database.has_lost(sql, file):
+    with _writable(file) as own, contextlib.closing(own_database.opened(own)) as sql:
+        if own_database.has_lost(sql, own):
             raise sealed_file.Damaged(message("cli.state.lost"))
         wrong = sealed_rows.look(sql)
     if wrong:
         raise sealed_file.Damaged(message("cli.state.rows", tables=wrong))
     return OLDER if wrong is None else OK
+
+
+@contextlib.contextmanager
+def _writable(file: Path) -> Iterator[Path]:
+    """A database, or a copy for who may only read it: SQLite writes beside it to read what is written ahead.
+
+    Raises OSError.
+    """
+    if os.access(file, os.W_OK) and os.access(file.parent, os.W_OK):
+        yield file
+        return
+    with tempfile.TemporaryDirectory(prefix="directrix-") as folder:
+        own, stamp = Path(folder) / file.name, None
+        for _ in range(COPIES):  # until nothing was taken over from beside it meanwhile
+            if stamp == (stamp := file.stat().st_mtime_ns):
+                break
+            for end in ("", "-wal"):
+                with contextlib.suppress(FileNotFoundError):
+                    data = own_files.read_bytes(file.with_name(f"{file.name}{end}"), shared=True)
+                    own.with_name(f"{own.name}{end}").write_bytes(data)
+        yield own
 
 
 def _program(file: Path, state: Path) -> Condition:
@@ -240,6 +274,9 @@ def _events(file: Path, state: Path) -> Condition:
     with contextlib.suppress(OSError, ValueError):  # which is a line of its own
         count = record_files.facts(file.parent, within=state).get(record_files.COUNT)
     found = events.recorded(file, count)
+    if found is not None and found.spoilt:
+        first = found.spoilt[0]
+        raise events.EventError(message("events.damaged", where=f"{file}:{first.number}", why=first.why))
     if found is None or not events.has_sums(file):
         return OLDER if file.stat().st_size else OK
     for name, wanted in (

@@ -119,8 +119,9 @@ def verify(
     """Compute the surface as cut: overcut and undercut along the normal, gouges, collisions."""
     with refusals(as_json, _expected):
         recorded: trace.Trace | None = None
+        spoilt: list[dict[str, Any]] = []
         if (file / events.FILE).is_file():
-            task, recorded = _run_again(file, as_json)
+            task, recorded, spoilt = _run_again(file, as_json)
             made = task.machine
         else:
             made = machine_file.load(machine)
@@ -142,13 +143,15 @@ def verify(
 
             name = Path(task.name).name
             cut_pictures.picture(found.judged, plot, f"{name}, {found.of}, on {made.name}")
-        figures = {"program": task.name, **found.to_dict(made)}
+        figures = {"program": task.name, **found.to_dict(made), "partial": bool(spoilt), "spoilt": spoilt}
         bad = refuses and bool(found.gouges or found.exceeding)
         if as_json and not bad:
             print(json.dumps({"ok": True, **figures}))
             return
         if not as_json:
             show_found(found)
+            for one in spoilt:
+                show.print(one["sentence"], markup=False)
         if bad:
             raise Refused(f"{task.name}: {found.wrong}", **figures)
 
@@ -158,7 +161,7 @@ def of_run(folder: Path) -> dict[str, Any]:
 
     Raises what ``expected`` of recorded runs has, Refused, ProgramError, OSError.
     """
-    task, recorded = _run_again(folder, as_json=True)
+    task, recorded, spoilt = _run_again(folder, as_json=True)
     found = _found(_lenient(task), recorded, False, lambda _: None, here)
     surfaces = [
         {
@@ -168,7 +171,8 @@ def of_run(folder: Path) -> dict[str, Any]:
         }
         for one in found.judged[:MAX_SURFACES]
     ]
-    return {"verdict": wording.to_json(found.verdicts), "gouges": len(found.gouges), "surfaces": surfaces}
+    told = {"verdict": wording.to_json(found.verdicts), "gouges": len(found.gouges), "surfaces": surfaces}
+    return {**told, "partial": bool(spoilt)}
 
 
 def judged(task: checked.Task, as_json: bool) -> Found:
@@ -192,8 +196,9 @@ def _expected() -> tuple[type[Exception], ...]:
     return recorded_runs.expected()
 
 
-def _run_again(folder: Path, as_json: bool) -> tuple[checked.Task, trace.Trace]:
-    """What was run, and the trace of it: the record made again, with the positions that the drives reported.
+def _run_again(folder: Path, as_json: bool) -> tuple[checked.Task, trace.Trace, list[dict[str, Any]]]:
+    """What was run, and the trace of it: the record made again, with the positions that the drives reported;
+    and what of the record is spoilt: there they are where they were told.
 
     Raises Refused where it comes out otherwise, or holds no positions.
     """
@@ -206,8 +211,8 @@ def _run_again(folder: Path, as_json: bool) -> tuple[checked.Task, trace.Trace]:
     task = checked.task(record.text, record.name, record.machine)
     with bar(say("cli.bar.replaying"), as_json) as progress:
         bench, run = record.repeat(task, progress)
-    record.judge(run)
-    return task, record.trace(task, bench, run, positions)
+    spoilt = record.judge(run)["spoilt"]
+    return task, record.trace(task, bench, run, positions), spoilt
 
 
 def _part(file: Path, program: Path | None, commanded: bool) -> Path:

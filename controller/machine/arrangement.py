@@ -15,7 +15,7 @@ from enum import Enum
 from pathlib import Path
 from typing import NamedTuple
 
-from controller import atomic_file, own_files, sealed_file
+from controller import sealed_file
 from controller.machine.model import Machine
 from controller.messages import Message, plain
 from drives.arranged import Arranged
@@ -35,14 +35,13 @@ def save(where: Path, machine: Machine, drives: Sequence[Arranged]) -> Path:
 
     Damaged, it is as good as not there: it is read from the drives again.
     """
-    own_files.make_folder(where, where.parent)
     before = load(where, machine)
     kept = {one.name: one for one in before.drives} if before else {}
     kept |= {one.name: one for one in drives}  # a bus may be commissioned by itself
     at = time.strftime("%Y-%m-%dT%H:%M:%S", time.localtime())
     facts = {"machine": machine.name, "at": at, "drives": [asdict(one) for one in kept.values()]}
     file = _file(where, machine)
-    atomic_file.write(file, sealed_file.text(facts, file.name), where.parent)
+    sealed_file.write(file, facts, where.parent)
     return file
 
 

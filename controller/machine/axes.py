@@ -86,11 +86,19 @@ def _axis(here: Reading) -> Reading:
 
 
 def _lower(here: Reading) -> float:
-    return float(_axis(here)["travel"][0])
+    return _travelled(here)[0]
 
 
 def _upper(here: Reading) -> float:
-    return float(_axis(here)["travel"][1])
+    return _travelled(here)[1]
+
+
+def _travelled(here: Reading) -> tuple[float, float]:
+    """The travel as it is written. Raises Unread where its ends are swapped, which is refused by itself."""
+    lower, upper = _axis(here)["travel"]
+    if lower >= upper:
+        raise Unread("travel")
+    return float(lower), float(upper)
 
 
 # ---- keys of everything that is a node on a bus
@@ -298,6 +306,13 @@ class LoadEncoder:
         name="most_off_{unit}",
         scale=_size,
         usual=FOLLOWING,
+    )
+    node: int = key(
+        Integer(1, 126),
+        "of an encoder that is a node on the axis' bus, set up to start by itself and to send with SYNC; "
+        "left out: the drive tells it",
+        default=0,
+        left_out="–",
     )
 
 

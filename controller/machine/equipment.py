@@ -110,7 +110,14 @@ def _taken(here: Reading, kind: str) -> list[str]:
     of_changer = changer.names[is_input] if changer is not None else ()
     of_inverter = _of_inverter(here, is_input)
     own = INPUTS if is_input else OUTPUTS
-    return [*own, *of_inverter, *filter(None, (*of_clamps, *of_ends)), *of_orient, *of_changer]
+    return [
+        *own,
+        *of_inverter,
+        *_of_gears(here, is_input),
+        *filter(None, (*of_clamps, *of_ends)),
+        *of_orient,
+        *of_changer,
+    ]
 
 
 def _of_inverter(here: Reading, is_input: bool) -> tuple[str, ...]:
@@ -203,16 +210,26 @@ class Io:
     orient: Orient | None = key(Sub(Orient), "of M19: the spindle's drive goes to its angle", default=None)
     changer_out: tuple[str, ...] = ()  # outputs of the tool changer, which no program has by number ...
     changer_in: tuple[str, ...] = ()  # ... and the inputs that it waits for
+    gear_out: tuple[str, ...] = ()  # likewise of the spindle's gears
+    gear_in: tuple[str, ...] = ()
 
     @property
     def switched(self) -> tuple[str, ...]:
-        """The outputs that a program switches, by number: those of M62 to M65, that of M19, the changer's."""
-        return self.digital_out + ((self.orient.output,) if self.orient else ()) + self.changer_out
+        """The outputs that a program switches: of M62 to M65, of M19, of the changer, of the gears."""
+        oriented = (self.orient.output,) if self.orient else ()
+        return self.digital_out + oriented + self.changer_out + self.gear_out
 
     @property
     def awaited(self) -> tuple[str, ...]:
         """The inputs that it waits for, likewise."""
-        return self.digital_in + ((self.orient.input,) if self.orient else ()) + self.changer_in
+        return (
+            self.digital_in + ((self.orient.input,) if self.orient else ()) + self.changer_in + self.gear_in
+        )
+
+    def switched_masks(self, on: Sequence[str], off: Sequence[str]) -> tuple[int, int]:
+        """Outputs by name as programs number them, bit masks: those that are on, and those that are off."""
+        told = [sum(1 << self.switched.index(name) for name in names) for names in (on, off)]
+        return told[0], told[1]
 
     def input(self, name: str) -> int | None:
         """The bit of an input; None where the machine has none of that name."""
@@ -231,6 +248,13 @@ def _changer_out(here: Reading) -> tuple[str, ...]:
 def _changer_in(here: Reading) -> tuple[str, ...]:
     changer = here.top["changer"]
     return () if changer is None else tuple(one for one in changer.names[True] if one in dict(here["inputs"]))
+
+
+def _of_gears(here: Reading, is_input: bool) -> tuple[str, ...]:
+    """The outputs, or the inputs, of the gears of the spindle, each once."""
+    gears = here.top["spindle"].gears if here.top["spindle"] is not None else ()
+    names = [one.input for one in gears] if is_input else [n for one in gears for n in (*one.on, *one.off)]
+    return tuple(dict.fromkeys(names))
 
 
 def _check_of_programs(here: Reading, kind: str) -> None:
@@ -349,7 +373,12 @@ RULES: Mapping[type, Rules] = {
     AnalogueOut: Rules(fills={"name": lambda here: here.called}, checks=(_check_high,)),
     MCode: Rules(checks=(_check_code,), made=lambda code, here: (here.called, code.output, code.on)),
     Io: Rules(
-        fills={"changer_out": _changer_out, "changer_in": _changer_in},
+        fills={
+            "changer_out": _changer_out,
+            "changer_in": _changer_in,
+            "gear_out": lambda here: _of_gears(here, False),
+            "gear_in": lambda here: _of_gears(here, True),
+        },
         checks=(
             lambda here: _check_of_programs(here, "digital_in"),
             lambda here: _check_of_programs(here, "digital_out"),
@@ -375,9 +404,9 @@ def check_clamp(axis: Reading) -> None:
         return
     table = axis.one_below("clamp").table
     if io is None or io.output(clamp.output) is None:
-        table.refuse("output", "no_output", allowed=_listed(io, io.outputs if io else ()))
+        table.refuse("output", "no_output", allowed=listed(io, io.outputs if io else ()))
     if clamp.input and io.input(clamp.input) is None:
-        table.refuse("input", "no_input", allowed=_listed(io, io.inputs))
+        table.refuse("input", "no_input", allowed=listed(io, io.inputs))
 
 
 def check_limits(axis: Reading) -> None:
@@ -397,12 +426,12 @@ def check_limits(axis: Reading) -> None:
         if owner != axis["name"] or not name:
             continue
         if io is None or io.input(name) is None:
-            table.refuse(end, "no_input", allowed=_listed(io, io.inputs if io else ()))
+            table.refuse(end, "no_input", allowed=listed(io, io.inputs if io else ()))
         if twin := next((one for one in switches[:n] if one[2] == name), None):
             table.refuse(end, "limit_twice", other=f"{twin[0]} {twin[1]}")
 
 
-def _listed(io: Io | None, bits: Sequence[tuple[str, int]]) -> str:
+def listed(io: Io | None, bits: Sequence[tuple[str, int]]) -> str:
     """The names of bits, or that there are none."""
     return ", ".join(name for name, _ in bits) or Key("file.none" if io else "file.no_io")
 
@@ -412,7 +441,7 @@ def check_sensor(sensor: Reading) -> None:
     io = sensor.top["io"]
     inputs = io.inputs if io is not None else ()
     if sensor["input"] not in dict(inputs):
-        sensor.table.refuse("input", "no_input", allowed=_listed(io, inputs))
+        sensor.table.refuse("input", "no_input", allowed=listed(io, inputs))
 
 
 def check_probe(sensor: Reading) -> None:

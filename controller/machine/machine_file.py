@@ -343,6 +343,15 @@ def _check_node(axis: Reading) -> None:
         axis.table.refuse("node", "nodes_shared", axes=chain("and", twins), bus=axis["bus"])
 
 
+def _check_encoder(axis: Reading) -> None:
+    """An encoder that is a node of its own is no drive's."""
+    encoder = axis["load_encoder"]
+    for one in axis.top["axis"] if encoder is not None else ():
+        if (one.bus, one.node) == (axis["bus"], encoder.node):
+            other, table = message("file.axis", name=one.name), axis.one_below("load_encoder").table
+            table.refuse("node", "node_twice", other=other, bus=one.bus)
+
+
 def _check_devices(device: Reading) -> None:
     """The node of the spindle or of the inputs and outputs is nobody else's."""
     mine = device["bus"], device["node"]
@@ -372,11 +381,12 @@ CHECKS: Mapping[type, Sequence[Check]] = {
         _check_frame,
         _check_still,
         _check_node,
+        _check_encoder,
         _check_slopes,
         equipment.check_clamp,
         equipment.check_limits,
     ),
-    Spindle: (_check_devices, spindle.check_outputs),
+    Spindle: (_check_devices, spindle.check_outputs, spindle.check_gears),
     Io: (_check_devices,),
     Sensor: (equipment.check_sensor, equipment.check_probe),
     Changer: (changer_table.check_tools,),

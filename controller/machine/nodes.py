@@ -10,6 +10,7 @@ from typing import Any
 from controller.machine import compensation, drive_profiles
 from controller.machine.kinematics.slides import Slides
 from controller.machine.model import Axis, Demand, LoadEncoder, Machine, SpindlePosition, Temperature
+from controller.machine.spindle import ANALOGUE_OUTPUT, fastest
 from controller.machine.toml_table import ConfigError
 from controller.messages import message
 from drives.settings import (
@@ -59,7 +60,7 @@ def spindle_settings(machine: Machine) -> SpindleSettings | None:
         at_speed_share=spindle.at_speed_share,
         profile=drive_profiles.load(spindle.profile),
         acceleration_rev_s2=spindle.acceleration_rev_s2,
-        most_rev_min=spindle.max_rev_min,
+        most_rev_min=fastest(spindle),
         velocity_unit_counts_s=spindle.stopping.velocity_unit_counts_s,
         acceleration_unit_counts_s2=spindle.stopping.acceleration_unit_counts_s2,
         unsupervised=spindle.unsupervised,
@@ -86,8 +87,15 @@ def io_settings(machine: Machine) -> tuple[IoSettings, ...]:
     inputs, outputs = (max((bit for _, bit in bits), default=0) // 8 + 1 for bits in (io.inputs, io.outputs))
     made = IoSettings("io", io.bus, io.node, io.eds or str(IO_EDS), inputs, outputs)
     idle = {one.channel: one.counts(one.idle) for one in io.analogue_out}
-    if machine.spindle is not None and (inverter := machine.spindle.inverter) is not None:
+    inverter = machine.spindle.inverter if machine.spindle is not None else None
+    if inverter is not None and inverter.index == ANALOGUE_OUTPUT:
         idle[inverter.channel] = inverter.zero_counts
+    elif inverter is not None:
+        entry = inverter.index << 16 | inverter.channel << 8 | inverter.bits
+        made = replace(made, speed_entry=entry, speed_idle=inverter.zero_counts)
+    if inverter is not None and (told := inverter.feedback) is not None:
+        entry = told.index << 16 | told.channel << 8 | told.bits
+        made = replace(made, feedback_entry=entry, feedback_tpdo=told.tpdo)
     analogue = tuple(idle.get(channel, 0) for channel in range(1, max(idle, default=0) + 1))
     return (replace(made, analogue=analogue, unsupervised=io.unsupervised, overrides=io.overrides),)
 
@@ -169,6 +177,7 @@ def _load_settings(axis: Axis, encoder: LoadEncoder) -> dict[str, Any]:
     """Where the encoder at the load is told, and what it may differ by."""
     return {
         "load_tpdo": encoder.tpdo,
+        "load_node": encoder.node,
         "load_entry": encoder.index << 16 | encoder.sub << 8 | 32,
         "load_every": encoder.every,
         "load_per_count": encoder.counts_per_unit / axis.counts_per_unit,

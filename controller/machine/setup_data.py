@@ -1,7 +1,7 @@
 """What is fitted on the machine now: offsets, tools and the like as operator and programs changed them.
 
-The machine file stays as its builder wrote it. What was changed at the machine is kept
-beside it, in one small file of the state folder, and laid over the machine when it is loaded:
+The machine file stays as its builder wrote it. What was changed at the machine is kept in the
+service's store (``store.set_up_store``), and laid over the machine when it is loaded:
 
     {"offsets": {"G54": {"origin_mm": [8, 96, 120], "turned_deg": [0, 0, 0], "rotary_deg": {"C": 30}}},
      "tools": {"2": {"name": "end mill 3 mm", "radius_mm": 1.5, "length_mm": 0, "flute_mm": 15}, "3": null},
@@ -12,8 +12,8 @@ beside it, in one small file of the state folder, and laid over the machine when
      "sisters": {"1": 11}}
 
 A tool that is null was taken out of the table. Sisters stand in the record of a run alone, which goes on with
-those that it began with: T1 was worn, and T11 comes in its place. Which tool is in the spindle is kept in a
-file of its own, for a backup that is brought back says nothing of it.
+those that it began with: T1 was worn, and T11 comes in its place. Which tool is in the spindle is kept by
+itself, for a backup that is brought back says nothing of it.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from controller import atomic_file, sealed_file
+from controller import sealed_file
 from controller.geometry.vectors import ZERO, Frame
 from controller.machine import machine_file, offset_table
 from controller.machine.changes import located
@@ -44,8 +44,7 @@ from controller.machine.reading import read_alone
 from controller.machine.toml_table import ConfigError, Table
 from controller.messages import message, of_error
 
-FILE = "fitting.json"
-IN_SPINDLE = "in_spindle"
+FILE = "fitting.json"  # in a back-up, and of versions before there was the store
 MACHINE = "machine.json"  # the machine file that the service runs on, complete, for those beside it
 KINDS = ("offsets", "tools", "shift", "references", "parameters", "pockets", "sisters")
 _OF_TOOLS = (
@@ -54,11 +53,6 @@ _OF_TOOLS = (
 )
 Values = Mapping[str, Any]
 _log = logging.getLogger(__name__)
-
-
-def load(state: Path) -> dict[str, Any]:
-    """What is kept in a state folder; nothing where nothing was changed. Raises ConfigError."""
-    return read(state / FILE, {})
 
 
 def read(file: Path, missing: dict[str, Any] | None = None) -> dict[str, Any]:
@@ -82,16 +76,6 @@ def sound(values: Any, file: Path) -> dict[str, Any]:
     return values
 
 
-def save(state: Path, values: Values) -> None:
-    """Keep it, whole or not at all. Raises OSError."""
-    sealed_file.write(state / FILE, values)
-
-
-def put_in(state: Path, number: int) -> None:
-    """Keep which tool is in the spindle, 0 = not known. Raises OSError."""
-    sealed_file.write(state / IN_SPINDLE, number)
-
-
 def note(state: Path, machine: Machine) -> None:
     """Note the machine file that a service runs on. Raises OSError.
 
@@ -105,7 +89,7 @@ def note(state: Path, machine: Machine) -> None:
         pass
     except (OSError, ValueError) as error:
         _log.warning("%s cannot be read (%s), and is written anew.", file, error)
-    atomic_file.write(file, sealed_file.next_text(file, values))
+    sealed_file.write(file, values)
 
 
 def note_of(machine: Machine) -> dict[str, Any]:
@@ -113,16 +97,11 @@ def note_of(machine: Machine) -> dict[str, Any]:
     return {"name": machine.name, "text": machine.text}
 
 
-def machine(state: Path) -> Machine:
-    """The machine of the service that runs, or ran last, on a state folder, as it is fitted.
+def noted(state: Path) -> Machine:
+    """The machine that ``note`` noted, as its builder wrote it.
 
     Raises ConfigError, and OSError or ValueError where no service has noted it.
     """
-    return applied(noted(state), load(state))
-
-
-def noted(state: Path) -> Machine:
-    """The machine that ``note`` noted, as its builder wrote it; raises as ``machine`` does."""
     try:
         found = sealed_file.read(state / MACHINE)
         text, name = str(found["text"]), str(found["name"])

@@ -5,20 +5,33 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 
 from controller.machine import drive_profiles, inverter_profiles
-from controller.machine.axes import BUS, NODE, OVERRIDES, PROFILE, SHEET, UNSUPERVISED, Stopping
+from controller.machine.axes import (
+    BUS,
+    NODE,
+    OF_IO,
+    OVERRIDES,
+    PROFILE,
+    SHEET,
+    UNSUPERVISED,
+    USUAL_SHARE,
+    Stopping,
+)
 from controller.machine.declaration import in_order, key, same_table, shared, spellings
-from controller.machine.equipment import INT16, MAX_CHANNELS
-from controller.machine.forms import FLAG, POSITIVE, TEXT, Choice, Integer, Number, Own, Sub
+from controller.machine.equipment import INT16, MAX_CHANNELS, listed
+from controller.machine.forms import FLAG, NAMES, POSITIVE, TEXT, Choice, Integer, Number, Own, Rows, Sub
 from controller.machine.reading import Reading, Rules
 from controller.messages import Key
 from drives.profile import Override
-from drives.settings import INT32_MAX
+from drives.settings import INT32_MAX, INT32_MIN
 from drives.text_file import Source
 
 WAYS = ("drive", "inverter", "modbus", "hand")
 FRAMES = ("8N1", "8N2", "8E1", "8O1")
+ANALOGUE_OUTPUT, ANALOGUE_INPUT = 0x6411, 0x6401  # 16 bits each (CiA 401)
+INT32 = INT32_MIN, INT32_MAX
 MODES = {"csv": 9, "pv": 3}
 TAPPING_REV_S2 = 50.0  # along a thread, where the file says nothing
 
@@ -84,18 +97,39 @@ class AdaptiveFeed:
 
 
 @dataclass(frozen=True, slots=True)
+class SpeedFeedback:
+    """What the I/O node measures of a spindle that an inverter turns: by a voltage, or by pulses."""
+
+    channel: int = key(Integer(0, 254), "sub-index of the object that the node measures")
+    index: int = key(Integer(0x2000, 0x6FFF), "of that object: 6401h, or a counter's", default=ANALOGUE_INPUT)
+    bits: int = key(Integer(16, 32), "its size: 16 or 32", default=16)
+    tpdo: int = key(Integer(2, 4), "number of the one that takes it", default=2)
+    zero_counts: int = key(Integer(*INT16), "what it measures at a standstill", default=0)
+    full_counts: int = key(Integer(*INT16), "what it measures at `full_rev_min`", default=INT16[1])
+    pulses_per_rev: float = key(
+        Number(0.0, 1e6), "of an object that counts pulses, upwards; 0: it measures a voltage", default=0.0
+    )
+
+
+@dataclass(frozen=True, slots=True)
 class Inverter:
     """An inverter on the I/O node: an analogue output says how fast, ``spindle_run`` whether it turns."""
 
-    channel: int = key(Integer(1, MAX_CHANNELS), "sub-index of 6411h that says how fast")
+    channel: int = key(Integer(0, 254), "sub-index of the object that says how fast")
     full_rev_min: float = key(
         POSITIVE,
         "at which it turns with `full_counts`, as measured (`directrix calibrate spindle`)",
-        silent=lambda here: here.above["max_rev_min"],
-        left_out="as `max_rev_min`",
+        silent=lambda here: fastest(here.above),
+        left_out="as `max_rev_min`, or the fastest of the gears",
     )
-    zero_counts: int = key(Integer(*INT16), "what it is told to stand", default=0)
-    full_counts: int = key(Integer(*INT16), "what it is told for `full_rev_min`", default=INT16[1])
+    index: int = key(
+        Integer(0x2000, 0x6FFF),
+        "of that object: 6411h, or that of a PWM or a frequency",
+        default=ANALOGUE_OUTPUT,
+    )
+    bits: int = key(Integer(16, 32), "its size: 16 or 32", default=16)
+    zero_counts: int = key(Integer(*INT32), "what it is told to stand", default=0)
+    full_counts: int = key(Integer(*INT32), "what it is told for `full_rev_min`", default=INT16[1])
     signed: bool = key(
         FLAG,
         "counts beyond `zero_counts` turn it counter-clockwise (-10 to 10 V); else `spindle_reverse` says so",
@@ -105,6 +139,9 @@ class Inverter:
         Number(0.0, 60.0),
         "after its ramp (`acceleration_rev_s2`), where no input spindle_at_speed says that it is there",
         default=0.5,
+    )
+    feedback: SpeedFeedback | None = key(
+        Sub(SpeedFeedback), "what the node measures of its speed: that counts before all else", default=None
     )
 
     def counts(self, rev_min: float) -> int:
@@ -141,6 +178,43 @@ class Modbus:
     )
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Gear:
+    """One of several gears between what turns the spindle and the spindle: shifted at a standstill."""
+
+    low_rev_min: float = key(Number(0.0), "least S in it", default=0.0)
+    high_rev_min: float = key(POSITIVE, "largest S in it")
+    turns: float = key(POSITIVE, "of what turns it, in one turn of the spindle")
+    on: tuple[str, ...] = key(NAMES, "outputs of `[io]` that are switched on to shift into it", default=())
+    off: tuple[str, ...] = key(NAMES, "outputs of `[io]` that are switched off", default=())
+    input: str = key(TEXT, "of `[io]`; 1: it is in", may_be=OF_IO)
+    within_s: float = key(Number(0.1, 60.0), "not in by then: held, with a fault", default=10.0)
+    code: str = key(
+        Choice(("", "M41", "M42", "M43", "M44")),
+        "that shifts into it; with none of any gear S chooses: the one that is in, or the first that has it",
+        default="",
+    )
+
+    @property
+    def usual_s(self) -> float:
+        """What a shift is expected to take, s."""
+        return USUAL_SHARE * self.within_s
+
+    def holds(self, rev_min: float) -> bool:
+        """Whether S (1/min) is one of this gear's."""
+        return self.low_rev_min <= rev_min <= self.high_rev_min
+
+    def contradicts(self, other: Gear) -> bool:
+        """Whether no outputs are those of both."""
+        return not {*self.on}.isdisjoint(other.off) or not {*self.off}.isdisjoint(other.on)
+
+
+def fastest(spindle: Spindle | Reading) -> float:
+    """What turns a spindle turns so fast at most (1/min)."""
+    has = spindle.__getitem__ if isinstance(spindle, Reading) else partial(getattr, spindle)
+    return float(max((one.turns * one.high_rev_min for one in has("gears")), default=has("max_rev_min")))
+
+
 def _driven(here: Reading) -> bool:
     return bool(here["by"] == "drive")
 
@@ -158,6 +232,9 @@ def _by_modbus(here: Reading) -> bool:
 
 
 def _heard(here: Reading) -> bool:
+    """Whether somebody reports how it turns."""
+    if _inverted(here):
+        return here["inverter"] is not None and here["inverter"].feedback is not None
     return bool(here["by"] in ("drive", "modbus"))
 
 
@@ -233,6 +310,9 @@ class Spindle:
     modbus: Modbus | None = key(
         Sub(Modbus), "how an inverter on a serial line is reached", default=None, needed=True, only=_by_modbus
     )
+    gears: tuple[Gear, ...] = key(
+        Rows(Gear), "gears, each with its speeds", name="gear", default=(), only=_turned
+    )
     adaptive: AdaptiveFeed | None = key(  # None: M52 P1 is refused
         Sub(AdaptiveFeed),
         "its load leads the feed under M52 P1; left out: M52 P1 is refused",
@@ -253,7 +333,8 @@ class Spindle:
     @property
     def reports_speed(self) -> bool:
         """Whether somebody reports how it turns."""
-        return self.by in ("drive", "modbus")
+        measured = self.inverter is not None and self.inverter.feedback is not None
+        return self.by in ("drive", "modbus") or measured
 
 
 def unasked(spindle: Spindle | None) -> Spindle:
@@ -270,28 +351,73 @@ def _check_speed(here: Reading) -> None:
     if here["counts_per_rev"] == 0.0:
         here.table.refuse("counts_per_rev", "zero_encoder")
     most = INT32_MAX / abs(here["counts_per_rev"]) * 60.0
-    if here["max_rev_min"] > most:
-        here.table.refuse("max_rev_min", "speed_fits", speed=here["max_rev_min"], most=most)
+    if (speed := fastest(here)) > most:
+        here.table.refuse("max_rev_min", "speed_fits", speed=speed, most=most)
 
 
 def _check_inverter(here: Reading) -> None:
     """Every speed is one that the output can be told."""
     if here["full_counts"] == here["zero_counts"]:
         here.table.refuse("full_counts", "no_span")
+    _check_bits(here)
+    if here["index"] == ANALOGUE_OUTPUT and not 1 <= here["channel"] <= MAX_CHANNELS:
+        here.table.refuse("channel", "no_analogue_channel", most=MAX_CHANNELS)
+    size = here["bits"]
+    least, most = INT16 if here["index"] == ANALOGUE_OUTPUT else (-(1 << size - 1), (1 << size) - 1)
     whole = here["full_counts"] - here["zero_counts"]
-    share = here.above["max_rev_min"] / here["full_rev_min"] if here.above is not None else 1.0
+    share = fastest(here.above) / here["full_rev_min"] if here.above is not None else 1.0
     for sign in (1.0, -1.0) if here["signed"] else (1.0,):
-        if not INT16[0] <= round(here["zero_counts"] + sign * share * whole) <= INT16[1]:
-            least, most = INT16
+        if not least <= round(here["zero_counts"] + sign * share * whole) <= most:
             here.table.refuse("full_counts", "speed_beyond_counts", least=least, most=most)
+
+
+def _check_bits(here: Reading) -> None:
+    if here["bits"] not in (16, 32):
+        here.table.refuse("bits", "no_word")
+
+
+def _check_measured(here: Reading) -> None:
+    """What is measured tells one speed from another."""
+    _check_bits(here)
+    if not here["pulses_per_rev"] and here["full_counts"] == here["zero_counts"]:
+        here.table.refuse("full_counts", "no_span")
 
 
 def _check_highest(here: Reading) -> None:
     """Every speed is one that the set-point's register can be told."""
     profile = inverter_profiles.load(here["profile"])
     most = profile.highest_hz() * here["rev_min_per_hz"]
-    if here.above is not None and here.above["max_rev_min"] > most:
+    if here.above is not None and fastest(here.above) > most:
         here.table.refuse("rev_min_per_hz", "speed_beyond_register", most=most)
+
+
+def _check_gear(here: Reading) -> None:
+    if here["high_rev_min"] <= here["low_rev_min"]:
+        here.table.refuse("high_rev_min", "gear_range", low=here["low_rev_min"])
+
+
+def check_gears(here: Reading) -> None:
+    """Each has its own outputs, input and code, and none is beyond the spindle."""
+    io, rows = here.top["io"], here.below.get("gear", ())
+    switches = () if io is None else tuple((code, name) for code, name, _ in io.m_codes)
+    taken = (*switches, *here.top.one_below("machine")["own_codes"])
+    for n, row in enumerate(rows):
+        for kind in ("on", "off"):
+            if any(io is None or io.output(name) is None for name in row[kind]):
+                row.table.refuse(kind, "no_output", allowed=listed(io, io.outputs if io else ()))
+        if io is None or io.input(row["input"]) is None:
+            row.table.refuse("input", "no_input", allowed=listed(io, io.inputs if io else ()))
+        if row["code"] in dict(taken):
+            row.table.refuse("code", "gear_code_taken")
+        if row["high_rev_min"] > here["max_rev_min"]:
+            row.table.refuse("high_rev_min", "gear_too_fast", most=here["max_rev_min"])
+        for other in here["gears"][:n]:
+            if row["code"] and row["code"] == other.code:
+                row.table.refuse("code", "gear_code_twice")
+            if not here["gears"][n].contradicts(other):
+                row.table.refuse("input", "gears_alike", other=other.input)
+    if here["gears"] and here["position"] is not None:
+        here.table.refuse("position", "thread_of_gears")
 
 
 def check_outputs(here: Reading) -> None:
@@ -302,7 +428,7 @@ def check_outputs(here: Reading) -> None:
     if io is None or io.output("spindle_run") is None:
         here.table.refuse("by", "no_spindle_run")
     own = here["inverter"].channel
-    if any(out.channel == own for out in io.analogue_out):
+    if here["inverter"].index == ANALOGUE_OUTPUT and any(out.channel == own for out in io.analogue_out):
         here.one_below("inverter").table.refuse("channel", "channel_twice", other=Key("file.an_output_of_io"))
 
 
@@ -339,6 +465,8 @@ def _check_overload(here: Reading) -> None:
 RULES: Mapping[type, Rules] = {
     Spindle: Rules(checks=(_check_speed, _check_mode, _check_load)),
     Inverter: Rules(checks=(_check_inverter,)),
+    SpeedFeedback: Rules(checks=(_check_measured,)),
+    Gear: Rules(checks=(_check_gear,)),
     Modbus: Rules(checks=(_check_highest,)),
     SpindlePosition: Rules(checks=(_check_counts, _check_tpdo)),
     AdaptiveFeed: Rules(checks=(_check_rise, _check_overload)),

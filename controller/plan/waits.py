@@ -121,7 +121,9 @@ class _Waits:
         if io.orient is not None and name == io.orient.input:
             return Wait(AGAIN) if self._oriented else Wait(ORIENT, io.orient.usual_s)
         if changer is None or self._step is None:
-            return Wait(f"input {name}")
+            gears = () if self._machine.spindle is None else self._machine.spindle.gears
+            shifted_s = next((one.usual_s for one in gears if one.input == name), 0.0)
+            return Wait(f"input {name}", shifted_s)
         step, pocket = steps_of(changer, self._step.tool_out, self._step.tool_in)[self._step.step]
         changes = asked.level in (Level.RISE, Level.FALL)  # the others are there, as a rule
         return Wait(f"{step.name} {pocket}" if step.pocket else step.name, step.usual_s if changes else 0.0)

@@ -50,6 +50,7 @@ class ParsedLine:
     line: Line
     codes: dict[str, tuple[str, Word]]  # modal group -> code as named in the table, and its word
     words: dict[str, Word]  # letter -> word, without G M N
+    gear: tuple[Word, int] | None = None  # the code of a gear of the spindle, and its place among them
     switches: tuple[tuple[Word, int, bool], ...] = ()  # the machine's own codes: number of an output, on
     next_tool: Word | None = None  # the second T beside M6, of the tool behind this one (Mazak)
     dialect: str = "rs274"
@@ -63,8 +64,9 @@ class ParsedLine:
         if not others:
             return self
         words = {letter: word for letter, word in self.words.items() if letter not in others}
-        made = (self.line, self.codes, words, self.switches, self.next_tool, self.dialect, self.polar)
-        return ParsedLine(*made, self.takers, self.lenient)  # by hand: ``replace`` takes four times as long
+        made = (self.line, self.codes, words, self.gear, self.switches, self.next_tool, self.dialect)
+        # By hand: ``replace`` takes four times as long.
+        return ParsedLine(*made, self.polar, self.takers, self.lenient)
 
     def word(self, code: str, letter: str) -> Word | None:
         """The word of a letter, where no other code takes it."""
@@ -104,7 +106,11 @@ def sort(line: Line, machine: Machine) -> ParsedLine:
     codes: dict[str, tuple[str, Word]] = {}
     others: dict[str, Word] = {}
     switches = tuple(found for word in line.words if (found := _switch(word, machine)) is not None)
-    own = [word for word, _, _ in switches]
+    gears = [of_gear for word in line.words if (of_gear := _gear(word, machine)) is not None]
+    if len(gears) > 1:
+        before, code = (word.text for word, _ in gears[:2])
+        raise line.refusal(gears[1][0], "code.two_of_a_group", before=before, code=code)
+    own = [word for word, *_ in (*switches, *gears)]
     words = [own_codes.read(word, machine) for word in line.words] if machine.own_codes else line.words
     for word in words:  # codes first: they are to blame before the letters that they take
         if word.letter in "GM" and word not in own:
@@ -119,7 +125,8 @@ def sort(line: Line, machine: Machine) -> ParsedLine:
         if word is not next_tool:
             _check_letter(line, word, others, machine)
             others[word.letter] = word
-    return ParsedLine(line, codes, others, switches, next_tool, machine.dialect, lenient=lenient)
+    gear = gears[0] if gears else None
+    return ParsedLine(line, codes, others, gear, switches, next_tool, machine.dialect, lenient=lenient)
 
 
 def _next_tool(words: list[Word]) -> Word | None:
@@ -136,6 +143,14 @@ def _switch(word: Word, machine: Machine) -> tuple[Word, int, bool] | None:
         if word.value == float(code[1:]):
             return word, machine.io.digital_out.index(name), on
     return None
+
+
+def _gear(word: Word, machine: Machine) -> tuple[Word, int] | None:
+    """A gear of the spindle that a code of its own shifts into; None of any other word."""
+    if word.letter != "M" or machine.spindle is None:
+        return None
+    codes = [float(one.code[1:] or -1) for one in machine.spindle.gears]
+    return (word, codes.index(word.value)) if word.value in codes else None
 
 
 def _take_code(line: Line, word: Word, codes: dict[str, tuple[str, Word]], dialect: str) -> None:

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from controller.machine.model import OFFSETS, Machine, Spindle
 from controller.messages import Key, message
-from controller.program import output_words, planar_words
+from controller.program import gears, output_words, planar_words
 from controller.program.codes import SURFACES, ParsedLine
 from controller.program.modal import (
     BLU_PER_MM,
@@ -46,7 +46,7 @@ def apply(
     ``side_letters`` are the words of G40 to G42 on this line.
     """
     waits = state.turn_feed is not None or state.length_number is not None
-    if ask.codes.keys() <= {"motion"} and not (ask.has("FST") or ask.switches or waits):
+    if ask.codes.keys() <= {"motion"} and not (ask.has("FST") or ask.switches or ask.gear or waits):
         return state, []
     settings = _Settings(ask, motion, state, machine)
     settings.side_letters = side_letters
@@ -72,6 +72,7 @@ class _Settings:
         self._speed()
         self._select_tool()
         self._outputs()
+        self._change_gear()
         self._change_tool()
         self._spindle()
         self._turn_feed()
@@ -264,6 +265,41 @@ class _Settings:
             self._switch(output, False)
             self._act(word, Act.OUTPUT)
 
+    def _change_gear(self) -> None:
+        """M41 to M44; a spindle that turns does so again in its new gear."""
+        if self.ask.gear is None:
+            return
+        word, gear = self.ask.gear
+        self._shift(gear, word)
+        if self.state.turning and "spindle" not in self.ask.codes and "tool change" not in self.ask.codes:
+            self._turn_spindle(self.state.turning, word)
+
+    def _shift(self, gear: int, word: Word) -> None:
+        """At a standstill: outputs, and the input that says that it is in; nothing where it is in already."""
+        spindle, io, modal = self._spindle_of(word), self._machine.io, self.state.modal
+        if io is None or gear == gears.engaged(spindle, io, modal.outputs):
+            return
+        if modal.spindle_rev_min:
+            self._set_modal(replace(modal, spindle_rev_min=0.0))
+            self._act(word, Act.SPINDLE)
+        wanted = spindle.gears[gear]
+        for name in (*wanted.on, *wanted.off):
+            self._switch(io.switched.index(name), name in wanted.on)
+        self._act(word, Act.OUTPUT)
+        number = io.awaited.index(wanted.input)
+        self.made.append(Await(self.ask.place(word), self.state.modal, number, Level.HIGH, wanted.within_s))
+
+    def _gear_of_speed(self, word: Word) -> None:
+        """The gear that S needs is in. Raises ProgramError where none has it, or the one that was said."""
+        spindle, io, speed = self._spindle_of(word), self._machine.io, self.state.speed_rev_min
+        if not spindle.gears or io is None or not speed:
+            return
+        gear = gears.chosen(spindle, gears.engaged(spindle, io, self.state.modal.outputs), speed)
+        if gear is None:
+            ranges = ", ".join(gears.shown(one) for one in spindle.gears)
+            raise self.ask.refusal(word, "spindle.no_gear", speed=speed, ranges=ranges)
+        self._shift(gear, word)
+
     def _spindle_of(self, word: Word) -> Spindle:
         """What S, M3 and M4 are for. Raises ProgramError where the machine file says nothing of it."""
         if self._machine.spindle is None:
@@ -283,6 +319,8 @@ class _Settings:
         if turning < 0 and not self._machine.may_turn_back:
             raise self.ask.refusal(word, "spindle.one_way", code=TURNS[turning])
         self._check_turning(turning, tool, word)
+        if turning:
+            self._gear_of_speed(word)
         modal = replace(self.state.modal, spindle_rev_min=turning * self.state.speed_rev_min)
         self.state = self.state._replace(modal=modal, turning=turning)
         self._act(word, Act.SPINDLE)

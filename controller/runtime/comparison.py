@@ -1,7 +1,8 @@
 """The setpoints of a repetition held against those of a record, segment by segment, as they come.
 
 A repetition is made of machine, program and events, and of no setpoint: where a segment is spoilt, its ticks
-come again without being compared, and those behind it are compared as all others.
+come again without being compared, and those behind it are compared as all others. Where a line of the events
+is lost, the first other setpoint behind it says nothing but that the run cannot be made again from there on.
 """
 
 from __future__ import annotations
@@ -14,11 +15,10 @@ import numpy as np
 import numpy.typing as npt
 
 from controller.ipc.handoff import COLUMN, of_axes
-from controller.messages import Message
 from controller.runtime import events
 from controller.runtime.events import Recorded
 from controller.state.modes import MAX_AXES
-from controller.state.setpoints import SETPOINTS, Counts, Piece
+from controller.state.setpoints import SETPOINTS, Counts, Piece, Spoilt
 
 MAX_TICKS = 1 << 40
 
@@ -36,16 +36,6 @@ class Difference:
     line: int  # of the program
 
 
-@dataclass(frozen=True, slots=True)
-class Spoilt:
-    """Ticks of a record that cannot be read, from ``first`` up to ``end``."""
-
-    file: str
-    first: int
-    end: int
-    why: Message
-
-
 def off_path(record: Recorded) -> int:
     """The tick from which on nothing can be made again: the setpoints are where the drives were."""
     return next((line.tick for line in record.lines if line.kind == events.OFF_PATH), MAX_TICKS)
@@ -61,6 +51,8 @@ class Comparison:
         self.compared = 0
         self.difference: Difference | None = None  # the first
         self.spoilt: list[Spoilt] = []
+        self.lost_from: int | None = None  # the tick from which on a lost line makes another run of it
+        self._loose = min((line.tick for line in record.lost), default=MAX_TICKS)
         self._end = min(self.ticks, off_path(record))
         self._pieces = self._read(SETPOINTS.pieces(folder))
         self._piece = next(self._pieces, None)
@@ -94,8 +86,12 @@ class Comparison:
             self._piece = next(self._pieces, None)
 
     def _compare(self, begin: int, wanted: Counts, found: npt.NDArray[np.int64], rows: Rows) -> None:
-        self.compared += len(wanted)
         ticks, axes = np.nonzero(wanted != found)
+        if len(ticks) and begin + int(ticks[0]) >= self._loose:
+            self._end = self.lost_from = begin + int(ticks[0])
+            self.compared += int(ticks[0])
+            return
+        self.compared += len(wanted)
         if len(ticks):
             i, axis = int(ticks[0]), int(axes[0])
             line = int(rows[i, COLUMN["line"]])

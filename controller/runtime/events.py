@@ -25,17 +25,17 @@ says that its tick sent no SYNC: ``tick`` is the next one that did.
 
 from __future__ import annotations
 
-import contextlib
 import json
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from controller import sealed_file
 from controller.commands.table import MAX_OVERRIDE, SWITCHED
 from controller.ipc.handoff import Jog
-from controller.messages import Key, TextError, message
+from controller.messages import Key, Message, TextError, message
+from controller.runtime import summed_lines
 from controller.runtime.starts import Start
 from controller.state import record_files
 from controller.state.modes import Fault, Request
@@ -109,12 +109,27 @@ class Begin:
     period_s: float | None = None  # None: an old record, at the machine file's
 
 
+class SpoiltLine(NamedTuple):
+    """A line of a record that is not as it was written; it came in or behind ``tick``."""
+
+    number: int
+    tick: int
+    why: Message
+    is_mended: bool  # by its sum: one bit of it was other, or it only stood elsewhere
+
+
 @dataclass(frozen=True, slots=True)
 class Recorded:
     """All of a record's events, in the order in which they came to the machine."""
 
     begin: Begin
     lines: tuple[Line, ...]
+    spoilt: tuple[SpoiltLine, ...] = ()
+
+    @property
+    def lost(self) -> list[SpoiltLine]:
+        """Lines that are not known any more."""
+        return [one for one in self.spoilt if not one.is_mended]
 
 
 def read(path: Path) -> tuple[Event, ...]:
@@ -125,16 +140,33 @@ def read(path: Path) -> tuple[Event, ...]:
 
 def recorded(path: Path, count: int | None = None) -> Recorded | None:
     """The record of a live run; None where an operator wrote the file. ``count``: of its lines, where the end
-    of the run says so. Raises EventError.
+    of the run says so. Raises EventError, also where the beginning itself is spoilt.
     """
-    found = _lines(path)
-    if count is not None and len(found) != count:
-        raise EventError(message("events.lost", path=path, found=len(found), wanted=count))
+    data = _read(path)
+    if count is None and not sealed_file.has_sum(data):  # of an older version
+        found, spoilt = _lines(path), list[SpoiltLine]()
+    else:
+        summed, spoilt = _sound(path, data, count)
+        found = [_line(f"{path}:{n}", summed[n], _RECORDED_KEYS) for n in sorted(summed)]
     begin = next((one for one in found if isinstance(one, Begin)), None)
     if begin is None:
+        if spoilt:
+            raise EventError(message("events.damaged", where=f"{path}:1", why=spoilt[0].why))
         return None
     lines = [one for one in found if isinstance(one, Line)]
-    return Recorded(begin, tuple(sorted(lines, key=_order)))
+    return Recorded(begin, tuple(sorted(lines, key=_order)), tuple(spoilt))
+
+
+def _sound(path: Path, data: bytes, count: int | None) -> tuple[dict[int, dict[str, Any]], list[SpoiltLine]]:
+    """The lines of a record by their numbers, and those that are spoilt."""
+    found, spoilt = summed_lines.read(data, count)
+    lines, tick = list[SpoiltLine](), -1
+    for number in range(1, max((*found, *spoilt), default=0) + 1):
+        if number in found:
+            tick = max(tick, int(found[number].get("tick", tick)))
+        if number in spoilt:
+            lines.append(SpoiltLine(number, tick, spoilt[number], number in found))
+    return found, lines
 
 
 def has_sums(path: Path) -> bool:
@@ -149,39 +181,27 @@ def _order(line: Line) -> tuple[int, int, int, int]:
     return line.tick, 0 if line.late or line.tick < 0 else 1, line.at, _RANKS.get(line.kind, 2)
 
 
-def _lines(path: Path) -> list[Line | Begin]:
+def _read(path: Path) -> bytes:
+    """Raises EventError."""
     try:
-        text = path.read_text(encoding="utf-8")
-    except UnicodeDecodeError as error:
-        raise EventError(message("events.no_text", path=path, start=error.start)) from error
+        return path.read_bytes()
     except OSError as error:
         raise EventError(message("events.unreadable", path=path, why=error)) from error
+
+
+def _lines(path: Path) -> list[Line | Begin]:
+    """Of an operator, or of a record of an older version. Raises EventError."""
+    try:
+        text = _read(path).decode()
+    except UnicodeDecodeError as error:
+        raise EventError(message("events.no_text", path=path, start=error.start)) from error
     lines = text.splitlines()
     is_record = bool(lines) and '"request": "begin"' in lines[0]
-    is_summed = is_record and sealed_file.has_sum(text.encode())  # those of older versions are not
-    if is_record and not text.endswith("\n") and not (is_summed and _is_whole(lines)):
+    if is_record and not text.endswith("\n"):
         del lines[-1]  # its writer did not live to write it to its end
     keys = _RECORDED_KEYS if is_record else _KEYS
-    numbered = ((n, f"{path}:{n}", line) for n, line in enumerate(lines, 1) if line.strip())
-    if is_summed:
-        return [_line(where, _summed(where, line, n), keys) for n, where, line in numbered]
-    return [_line(where, _unpacked(where, line), keys) for _, where, line in numbered]
-
-
-def _is_whole(lines: list[str]) -> bool:
-    """Whether the last line lacks nothing but the character that ends it."""
-    with contextlib.suppress(sealed_file.Damaged):
-        sealed_file.of_line(lines[-1], number=len(lines))
-        return True
-    return False
-
-
-def _summed(where: str, line: str, number: int) -> dict[str, Any]:
-    """Of a record: as it was written. Raises EventError."""
-    try:
-        return sealed_file.of_line(line, number=number)
-    except sealed_file.Damaged as error:
-        raise EventError(message("events.damaged", where=where, why=error.said)) from error
+    numbered = ((f"{path}:{n}", line) for n, line in enumerate(lines, 1) if line.strip())
+    return [_line(where, _unpacked(where, line), keys) for where, line in numbered]
 
 
 def _unpacked(where: str, line: str) -> Any:

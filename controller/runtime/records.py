@@ -31,10 +31,11 @@ from controller.state.live_state import FIELDS, Field
 from controller.state.record_files import TRACE
 from controller.state.setpoints import (
     ACTUAL,
+    MISSING,
     PROCESS,
     SETPOINTS,
-    TABLES,
-    SpoiltSegment,
+    Counts,
+    Spoilt,
     counts_per_unit,
     process_values,
 )
@@ -65,6 +66,7 @@ class Record(NamedTuple):
     columns: Mapping[str, Column]
     period_s: float
     machine: str
+    spoilt: tuple[Spoilt, ...] = ()  # of a run: ticks that cannot be read, in which its values are NaN
 
     @property
     def rows(self) -> int:
@@ -103,28 +105,36 @@ def read(path: Path) -> Record:
 def _of_folder(folder: Path) -> Record:
     if (folder / TRACE).is_file():
         return read(folder / TRACE)
-    try:
-        rows, actual, process = (table.read(folder) for table in TABLES)
-    except SpoiltSegment as error:
-        raise NoRecord("unreadable", path=folder, why=error.said) from error
+    rows, spoilt = SETPOINTS.read_around(folder)
     if rows is None or not (folder / events.MACHINE).is_file():
         raise NoRecord("no_folder", folder=folder, trace=TRACE, run=SETPOINTS.whole, machine=events.MACHINE)
+    (actual, of_actual), (process, of_process) = (
+        table.read_around(folder, len(rows)) for table in (ACTUAL, PROCESS)
+    )
+    if all(one.first == 0 and one.end == len(rows) for one in spoilt) and spoilt:
+        raise NoRecord("unreadable", path=folder, why=spoilt[0].why)
     machine = (folder / events.MACHINE).read_text(encoding="utf-8")
     begun = events.recorded(folder / events.FILE)
     period_s = begun.begin.period_s if begun is not None else None
-    columns = _named(SETPOINTS.columns, rows.astype(np.float64), machine)
+    setpoints = _floats(rows)
+    columns = _named(SETPOINTS.columns, setpoints, machine)
     built = machine_file.read(machine, events.MACHINE)
     if actual is not None and len(actual) == len(rows):
         per_unit = counts_per_unit(built)
-        columns |= _named(ACTUAL.columns, actual / per_unit, machine)
-        errors = (rows.astype(np.float64) - actual) / per_unit
+        columns |= _named(ACTUAL.columns, _floats(actual) / per_unit, machine)
+        errors = (setpoints - _floats(actual)) / per_unit
         for i, axis in enumerate(built.axes):
             unit = columns[f"actual.{axis.name}"].unit
             meaning = _part("following_error", axis.name)
             columns[f"following_error.{axis.name}"] = Column(errors[:, i], unit, meaning)
     if process is not None and len(process) == len(rows):
         columns |= _named(PROCESS.columns, process_values(process), machine)
-    return Record("run", columns, period_s or built.period_s, machine)
+    return Record("run", columns, period_s or built.period_s, machine, (*spoilt, *of_actual, *of_process))
+
+
+def _floats(counts: Counts) -> Array:
+    """NaN where a segment is spoilt."""
+    return np.where(counts == MISSING, np.nan, counts)
 
 
 def _of_recording(path: Path, values: Mapping[str, Array]) -> Record:
@@ -287,14 +297,19 @@ NOT_HELD = ("tick", "time_s", "lateness_s", "request", "accepted", "bus_share")
 
 
 def compare(a: Record, b: Record, tolerance: float = 0.0) -> Comparison:
-    """Row by row from the first of both. Raises NoRecord where none of one stands beside one of the other."""
+    """Row by row from the first of both, but for what is spoilt of one. Raises NoRecord where none of one
+    stands beside one of the other.
+    """
     if a.period_s != b.period_s:
         raise NoRecord("periods", a=1e3 * a.period_s, b=1e3 * b.period_s)
     common = [name for name in a.columns if name in b.columns and name not in NOT_HELD]
     if not common:
         raise NoRecord("nothing_common")
     rows = min(a.rows, b.rows)
-    found = tuple(_apart(name, a.columns[name], b.columns[name], rows, tolerance) for name in common)
+    is_spoilt = np.zeros(rows, dtype=bool)
+    for one in (*a.spoilt, *b.spoilt):
+        is_spoilt[one.first : one.end] = True
+    found = tuple(_apart(n, a.columns[n], b.columns[n], is_spoilt, tolerance) for n in common)
     only = (
         tuple(name for name in a.columns if name not in b.columns),
         tuple(name for name in b.columns if name not in a.columns),
@@ -302,13 +317,14 @@ def compare(a: Record, b: Record, tolerance: float = 0.0) -> Comparison:
     return Comparison(rows, (a.rows, b.rows), found, only)
 
 
-def _apart(name: str, a: Column, b: Column, rows: int, tolerance: float) -> Apart:
+def _apart(name: str, a: Column, b: Column, is_spoilt: Array, tolerance: float) -> Apart:
+    rows = len(is_spoilt)
     x, y = a.values[:rows].astype(np.float64), b.values[:rows].astype(np.float64)
     if a.unit != b.unit:
         if (b.unit, a.unit) not in PER:
             raise NoRecord("units", name=name, a=a.unit or "1", b=b.unit or "1")
         y = y * PER[b.unit, a.unit]
-    both = np.isnan(x) & np.isnan(y)
+    both = (np.isnan(x) & np.isnan(y)) | is_spoilt
     off = np.where(both, 0.0, np.abs(x - y))
     off = np.where(np.isnan(off), np.inf, off)
     if not rows:

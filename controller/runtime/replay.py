@@ -34,7 +34,7 @@ from controller.runtime.comparison import MAX_TICKS, Comparison, off_path
 from controller.runtime.events import Line, Recorded
 from controller.runtime.stepped import PLAN_EVERY_S, Items, Run, SteppedMachine
 from controller.state.modes import MAX_AXES, Fault, Mode, Request
-from controller.state.setpoints import Counts
+from controller.state.setpoints import MISSING, Counts
 from controller.tick.coupling import Recorded as ThreadRecord
 from controller.tick.cycle import Again
 
@@ -47,12 +47,14 @@ Rows = npt.NDArray[np.float64]
 def as_driven(rows: Rows, actual: Counts, per_unit: npt.NDArray[np.float64]) -> Rows:
     """The rows of a repetition with the recorded positions of the drives, as far as both go.
 
-    ``actual``: (N, MAX_AXES) counts of the ticks that sent a SYNC; ``per_unit``: (MAX_AXES,) of mm and rad.
+    ``actual``: (N, MAX_AXES) counts of the ticks that sent a SYNC, where they are ``MISSING`` what the drives
+    were told counts; ``per_unit``: (MAX_AXES,) of mm and rad.
     """
     sent = np.cumsum(rows[:, COLUMN["sync_sent"]] != 0.0)
     found = rows[(sent > 0) & (sent <= len(actual))].copy()
     nth = np.cumsum(found[:, COLUMN["sync_sent"]] != 0.0) - 1
-    found[:, of_axes("actual", MAX_AXES)] = actual[nth] / per_unit
+    told = found[:, of_axes("joint_command", MAX_AXES)]
+    found[:, of_axes("actual", MAX_AXES)] = np.where(actual[nth] == MISSING, told, actual[nth] / per_unit)
     return found
 
 

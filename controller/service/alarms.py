@@ -1,30 +1,31 @@
 """Alarms: what went wrong, when, and whether somebody has seen it. Kept over restarts, in the store.
 
-Where the disk is full the store's reserve is given up, so that what ends a run on a full disk, an emergency
-stop above all, is still written.
+What ends a run on a full disk, an emergency stop above all, is still written (``ServiceStore.insist``).
 """
 
 from __future__ import annotations
 
 import contextlib
-import errno
 import json
+import logging
+import sqlite3
 import threading
 import time
 from typing import Any
 
+from controller import journald
 from controller.ipc.handoff import Snapshot
 from controller.machine.model import Machine
-from controller.messages import Message, message
+from controller.messages import Message, message, text
 from controller.service.refusals import refused
 from controller.state.fault_table import NOBODY, Sender
 from controller.state.modes import FAULTS, Fault, fault_message
 from controller.store.service_store import ServiceStore
 
+_log = logging.getLogger(__name__)
 DAMAGE = "FILE_DAMAGED"  # name of the alarm that something kept was damaged: before it is seen nothing starts
 KEPT = 1000
 SHOWN = 100  # in one answer
-FULL = (errno.ENOSPC, errno.EDQUOT, errno.EIO)
 
 
 class Alarms:
@@ -48,7 +49,10 @@ class Alarms:
                 **more,
             }
             self._keep(alarm)
-            return alarm
+        priority = journald.ERROR if name in Fault.__members__ else journald.WARNING
+        known = journald.fields(priority, alarm=name, number=alarm["id"], axis=more.get("axis") or "")
+        _log.info("%s: %s", name, text(what), extra=known)
+        return alarm
 
     def change(self, number: int, **more: Any) -> None:
         """What became known of an alarm later."""
@@ -81,20 +85,14 @@ class Alarms:
         self._known[alarm["id"]] = alarm
         while len(self._known) > KEPT:
             del self._known[min(self._known)]
-        try:
-            self._write(alarm)
-        except OSError as error:
-            if error.errno not in FULL:
-                return
-            with contextlib.suppress(OSError):
-                self._store.give_up_reserve()
-                self._write(alarm)
+        row, first = (alarm["id"], json.dumps(alarm)), min(self._known)
 
-    def _write(self, alarm: dict[str, Any]) -> None:
-        """Raises OSError."""
-        with self._store.write() as sql:
-            sql.execute("INSERT OR REPLACE INTO alarms VALUES (?, ?)", (alarm["id"], json.dumps(alarm)))
-            sql.execute("DELETE FROM alarms WHERE id < ?", (min(self._known),))
+        def write(sql: sqlite3.Connection) -> None:
+            sql.execute("INSERT OR REPLACE INTO alarms VALUES (?, ?)", row)
+            sql.execute("DELETE FROM alarms WHERE id < ?", (first,))
+
+        with contextlib.suppress(OSError):  # it is told all the same
+            self._store.insist(write)
 
 
 def of(

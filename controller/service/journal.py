@@ -1,6 +1,6 @@
 """The journal of the running program: where it was, so that it can be gone on with after the worst.
 
-One small file, replaced whole: once a second while the program runs, and at every standstill.
+A document of the service's store: replaced once a second while the program runs, and at every standstill.
 What stands there is where a restart begins, and never beyond what is cut:
 
 ```
@@ -20,22 +20,22 @@ import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from controller import sealed_file
 from controller.ipc.handoff import COLUMN, Snapshot
 from controller.machine.model import REFERENCES, Joints, Machine
 from controller.machine.offset_table import FIXTURES, KEPT_OFFSETS, OFFSETS
 from controller.messages import Key, Message, chain, message, text
 from controller.plan.restart.program_position import AFTER_CHANGE, ENTRY_ID, FORMER, Spot
 from controller.program import carried
-from controller.service import kept_file
 from controller.state.modes import FAULTS, Mode, Reaction
+from controller.store import service_store
+from controller.store.service_store import ServiceStore
 
+DOCUMENT = "journal"  # in the store
 EVERY_S = 0.5  # between two entries of a run; with writing, never more than a second of cut is lost
 LAG_S = 0.05  # longer than drives lag behind and a tick may be late
 FORMAT = 1
@@ -146,20 +146,21 @@ def fitted_sha256(machine: Machine) -> tuple[str, str]:
     return sha256(offsets.encode()), sha256(repr(machine.tools).encode())
 
 
-# --- the file
+# --- in the store
 
 
-def write(entry: Entry, file: Path) -> None:
-    """Replace the file, whole or not at all, and not before the disk has it. Raises OSError."""
-    sealed_file.write(file, {"format": FORMAT, **asdict(entry), "spot": list(entry.spot)})
+def write(entry: Entry, store: ServiceStore) -> None:
+    """Returns when the disk has it, also a full one. Raises OSError."""
+    values = {"format": FORMAT, **asdict(entry), "spot": list(entry.spot)}
+    store.insist(lambda sql: service_store.put_document(sql, DOCUMENT, values))
 
 
-def read(file: Path) -> tuple[Entry | None, Message | None]:
-    """The entry, or the one before it where that is damaged, and what an alarm says then."""
-    return kept_file.read(file, _entry, None)
+def read(store: ServiceStore) -> Entry | None:
+    """The entry, or the one before it where that is damaged. Raises OSError."""
+    return store.document(DOCUMENT, entry_of, None)
 
 
-def _entry(values: Any) -> Entry:
+def entry_of(values: Any) -> Entry:
     """Raises ValueError, KeyError or TypeError for anything but what ``write`` writes."""
     if values.pop("format") != FORMAT:
         raise ValueError("another format")
@@ -226,10 +227,10 @@ class Journal:
     """
 
     def __init__(
-        self, file: Path, clock: Callable[[], float] = time.monotonic, last: Entry | None = None
+        self, store: ServiceStore, clock: Callable[[], float] = time.monotonic, last: Entry | None = None
     ) -> None:
         """``last``: as it was found."""
-        self._file, self._clock = file, clock
+        self._store, self._clock = store, clock
         self._job: Job | None = None
         self._tool = 1
         self._seen: Spot | None = None  # the last place on the program
@@ -243,7 +244,7 @@ class Journal:
         self._here: tuple[Entry, Machine, Job] | None = None
 
     def begin(self, job: Job, tool: int = 1, spot: Spot | None = None) -> None:
-        """A program is started, or gone on with at ``spot``; the file stays as it is until it moves."""
+        """A program is started, or gone on with at ``spot``; the entry stays as it is until it moves."""
         self._job, self._tool, self._seen, self._known = job, tool, spot, RunProgress()
         self._recent.clear()
         self._written_s, self._ran = float("-inf"), False
@@ -371,11 +372,17 @@ class Journal:
             change=None if ended else self.change,
         )
         self._written_s, self.last = self._clock(), entry
+        self.keep()
+
+    def keep(self) -> None:
+        """Write the last entry, again where it was lost."""
+        if self.last is None:
+            return
         try:
-            write(entry, self._file)
+            write(self.last, self._store)
             self.problem = ""
         except OSError as error:
-            self.problem = text(message("journal_unwritten", file=self._file, why=error))
+            self.problem = text(message("journal_unwritten", file=self._store.file, why=error))
 
 
 def _is_programs(motion_id: int) -> bool:

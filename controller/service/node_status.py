@@ -29,16 +29,22 @@ class LastFrames(FrameLog):
     def __call__(self, frame: bytes | bytearray, at_s: float) -> None:
         one = bytes(frame)
         self.keep((at_s, one))
-        self.last[one[_ID]] = (at_s, one)
+        self.last[one[_ID]] = (at_s - _wall_s(), one)
 
     def extend(self, heard: Sequence[tuple[float, bytes]]) -> None:
         super().extend(heard)
-        self.last |= {one[1][_ID]: one for one in heard}
+        wall_s = _wall_s()
+        self.last |= {frame[_ID]: (at_s - wall_s, frame) for at_s, frame in heard}
 
     def of(self, can_id: int) -> tuple[float, bytes] | None:
-        """When the last frame of an identifier came (s, this computer's clock), and its data."""
+        """When the last frame of an identifier came (s, monotonic), and its data."""
         found = self.last.get(can_id.to_bytes(4, "little"))
         return None if found is None else (found[0], pdo.unpack(found[1])[1])
+
+
+def _wall_s() -> float:
+    """What the wall's clock is ahead by now: frames have its time, and it may be set later."""
+    return time.time() - time.monotonic()
 
 
 def drives(
@@ -95,7 +101,7 @@ def _drive(
     emergency = heard.of(pdo.EMCY + node.node)
     code = int.from_bytes(emergency[1][:2], "little") if emergency else 0
     word = int.from_bytes(feedback[1][:2], "little") if feedback else None
-    age_s = max(0.0, time.time() - alive[0]) if alive else None
+    age_s = max(0.0, time.monotonic() - alive[0]) if alive else None
     return DriveRow(
         axis=node.name,
         node=node.node,

@@ -1,6 +1,7 @@
 """What versions before have kept in files of their own, taken into the service's store once.
 
-A file that was taken over lies beside it from then on, under a name that nobody reads (``OLDER``).
+A file that was taken over lies beside it from then on, under a name that nobody reads (``OLDER``). One that
+is damaged is put aside and reported, and the generation before counts, if that is whole.
 """
 
 from __future__ import annotations
@@ -12,49 +13,88 @@ import sqlite3
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from controller import own_database, own_files, sealed_file, sealed_rows
-from controller.messages import Message, message
-from controller.service import durations, kept_file, probed, usage
-from controller.store import tool_store
+from controller.machine import setup_data
+from controller.machine.toml_table import ConfigError
+from controller.messages import Message, message, of_error
+from controller.service import durations, journal, probed, thread_guard, usage
+from controller.store import set_up_store, tool_store
 from controller.store.service_store import ServiceStore
 
 OLDER = ".older"
 ALARMS = "alarms.jsonl"
 TABLE = "touches.csv"  # before there was touches.json
-# By the file's name: the document that it has become, and what raises for values that are not sound.
-DOCUMENTS: dict[str, tuple[str, Callable[[Any], Any]]] = {
-    "usage.json": (usage.DOCUMENT, usage.taken),
-    "probed.json": (probed.DOCUMENT, probed.taken),
-    "durations.json": (durations.DOCUMENT, durations.taken),
-    "touches.json": (probed.TOUCHES, probed.table_lines),
+WRONG = (*sealed_file.UNREADABLE, ConfigError)
+
+
+class Document(NamedTuple):
+    """What a file has become: ``taken`` raises for values that are not sound; ``unknown`` counts instead of
+    the generation before, where it is not None.
+    """
+
+    name: str
+    taken: Callable[[Any], Any]
+    unknown: Any = None
+
+
+def _fitting(values: Any) -> Any:
+    return setup_data.sound(values, Path(setup_data.FILE))
+
+
+DOCUMENTS = {
+    "usage.json": Document(usage.DOCUMENT, usage.taken),
+    "probed.json": Document(probed.DOCUMENT, probed.taken),
+    "durations.json": Document(durations.DOCUMENT, durations.taken),
+    "touches.json": Document(probed.TOUCHES, probed.table_lines),
+    "journal.json": Document(journal.DOCUMENT, journal.entry_of),
+    setup_data.FILE: Document(set_up_store.FITTING, _fitting),
+    "in_spindle": Document(set_up_store.SPINDLE, int, 0),
+    "thread.json": Document(thread_guard.DOCUMENT, thread_guard.taken, thread_guard.UNKNOWN._asdict()),
 }
 
 
 def take_over(store: ServiceStore, state: Path) -> list[Message]:
     """What alarms say of those that could not be read. Raises OSError."""
     losses = []
-    for name, (document, taken) in DOCUMENTS.items():
-        if not store.has(document):
-            found, loss = kept_file.read(state / name, _whole(taken), None)
+    for name, document in DOCUMENTS.items():
+        if not store.has(document.name):
+            found, loss = _read(state / name, document)
             losses.append(loss)
             if found is not None:
-                store.put(document, found)
+                store.put(document.name, found)
         _put_by(state / name)
     losses.append(_take_table(store, state / TABLE))
     losses += [_take_alarms(store, state / ALARMS), _take_tools(store, state / tool_store.OLDER)]
     return [loss for loss in losses if loss is not None]
 
 
-def _whole(taken: Callable[[Any], Any]) -> Callable[[Any], Any]:
-    """The values themselves, where ``taken`` takes them."""
+def _read(file: Path, document: Document) -> tuple[Any, Message | None]:
+    """The values of a file, or of what counts instead, and what an alarm says then; None: there are none."""
+    why, before = message("sealed.gone"), sealed_file.before(file)
+    try:
+        return _sound(file, document), None
+    except FileNotFoundError:
+        if not os.path.lexists(before):
+            return None, None
+    except WRONG as error:
+        why = of_error(error)
+    aside = own_files.put_aside(file)
+    named = aside.name if aside is not None else ""
+    if document.unknown is None:
+        with contextlib.suppress(*WRONG):
+            values, at_s = _sound(before, document), sealed_file.written_s(before)
+            return values, sealed_file.before_counts(file, why, named, at_s)
+    own_files.put_aside(before)
+    return document.unknown, sealed_file.begun_anew(file, why, named)
 
-    def checked(values: Any) -> Any:
-        taken(json.loads(json.dumps(values)))
-        return values
 
-    return checked
+def _sound(file: Path, document: Document) -> Any:
+    """Raises as ``WRONG``."""
+    values = sealed_file.read(file)
+    document.taken(json.loads(json.dumps(values)))
+    return values
 
 
 def _take_table(store: ServiceStore, file: Path) -> Message | None:
@@ -63,7 +103,7 @@ def _take_table(store: ServiceStore, file: Path) -> Message | None:
     except FileNotFoundError:
         return None
     except (OSError, ValueError) as error:
-        return kept_file.put_aside(file, error)
+        return _put_aside(file, error)
     if lines and not store.has(probed.TOUCHES):
         store.put(probed.TOUCHES, lines)
     _put_by(file)
@@ -89,7 +129,7 @@ def alarms(file: Path) -> tuple[list[dict[str, Any]], Message | None]:
     except FileNotFoundError:
         return [], None
     except OSError as error:
-        return [], kept_file.put_aside(file, error)
+        return [], _put_aside(file, error)
     found, bad = [], None
     for line in lines:
         if not line.strip():
@@ -98,9 +138,9 @@ def alarms(file: Path) -> tuple[list[dict[str, Any]], Message | None]:
             alarm = sealed_file.of_line(line, file)
             whole = {**alarm, "id": int(alarm["id"]), "acknowledged_s": alarm["acknowledged_s"]}
             found.append({**whole, "time_s": float(alarm["time_s"]), "name": str(alarm["name"])})
-        except kept_file.WRONG as error:
+        except WRONG as error:
             bad = bad or (error if line.endswith(b"\n") else None)
-    return found, kept_file.put_aside(file, bad) if bad else None
+    return found, _put_aside(file, bad) if bad else None
 
 
 def _take_tools(store: ServiceStore, file: Path) -> Message | None:
@@ -118,9 +158,15 @@ def _take_tools(store: ServiceStore, file: Path) -> Message | None:
                 if known:
                     into.execute("INSERT INTO known VALUES (1, ?)", (time.time(),))
     except (ValueError, sqlite3.Error) as error:
-        return kept_file.put_aside(file, error)
+        return _put_aside(file, error)
     _put_by(file)
     return message("store_damaged", file=file, what=wrong, aside=f"{file.name}{OLDER}") if wrong else None
+
+
+def _put_aside(file: Path, why: Exception) -> Message:
+    """Gives a file that cannot be read another name; what an alarm says of it."""
+    aside = own_files.put_aside(file)
+    return sealed_file.begun_anew(file, why, aside.name if aside else "")
 
 
 def _put_by(file: Path) -> None:

@@ -17,7 +17,7 @@ from controller.messages import Message
 from controller.runtime.bus_load import overload
 from controller.runtime.plan_messages import News
 from controller.runtime.startup import SessionError
-from controller.service import alarms, durations, journal, older_files, runs, thread_guard
+from controller.service import alarms, durations, journal, older_files, runs
 from controller.service.alarms import Alarms
 from controller.service.engine import Engine
 from controller.service.fault_reporter import Troubles
@@ -34,11 +34,7 @@ from controller.service.usage import Usage
 from controller.store.service_store import ServiceStore
 from controller.store.tool_store import ToolStore
 
-JOURNAL = "journal.json"
-SEALED = (
-    *(JOURNAL, thread_guard.FILE),
-    *(setup_data.FILE, setup_data.IN_SPINDLE, setup_data.MACHINE, control_socket.LAST),
-)  # what the service keeps of a machine as JSON
+SEALED = setup_data.MACHINE, control_socket.LAST  # what it notes beside its store
 
 
 class Owners:
@@ -61,22 +57,20 @@ class Owners:
         self._folder = tempfile.TemporaryDirectory(prefix="directrix-")
         folder = Path(self._folder.name)
         self.engine = engine or Engine(machine, folder, kept, hear)
-        self.set_up = SetUp(machine, state, self.alarms, self.engine.tell_tool)
+        self.set_up = SetUp(machine, self.store, self.alarms, self.engine.tell_tool)
         self.usage = Usage(self.store, machine)
         self.probed, self.durations = Probed(self.store), durations.of_service(self.store)
-        self.thread = ThreadGuard(state)
+        self.thread = ThreadGuard(self.store)
         self.sequencer = Sequencer(self._failed)
         self.writer = ThreadPoolExecutor(1, "records")  # of what runs leave behind
-        entry, unread = journal.read(state / JOURNAL)
+        entry = journal.read(self.store)
         self.interrupted = entry if entry is not None and not entry.ended else None  # a run, by the last end
-        self.journal = Journal(state / JOURNAL, last=entry)
-        files = (self.thread.damaged, unread)
-        for damaged in (*self.store.losses, *losses, *self.set_up.damaged, *files):
-            if damaged is not None:
-                self.alarms.add(alarms.DAMAGE, damaged)
+        self.journal = Journal(self.store, last=entry)
+        for damaged in (*self.store.losses, *losses):
+            self.alarms.add(alarms.DAMAGE, damaged)
         for lost in runs.put_damaged_aside(state):
             self.alarms.add(runs.ALARM, lost)
-        sealed_file.adopt(state, SEALED)
+        sealed_file.mark(state, SEALED)
         self.troubles = Troubles(self.set_up.machine, self.alarms, self.writer)
         self.processes = Processes(self.engine, self.troubles, kept.recordings)
         self.changer = self._opened_changer()
@@ -104,6 +98,11 @@ class Owners:
             losses = self.store.check()
             for loss in losses:
                 self.alarms.add(alarms.DAMAGE, loss)
+            if losses:  # what is known is put anew
+                self.set_up.keep()
+                self.set_up.put_in(self.set_up.tool)
+                self.journal.keep()
+                self.thread.save()
             if losses and self.changer is not None:
                 self.changer.store.forget()
 

@@ -9,19 +9,22 @@ from __future__ import annotations
 
 import contextlib
 import json
+import logging
 import sqlite3
 import time
-from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any
 
+from controller import journald
 from controller.commands.command import Access
 from controller.commands.table import COMMANDS
 from controller.ipc.asker import ROLES, Asker
-from controller.ipc.control_socket import CommandRefused, Values
+from controller.ipc.control_socket import Answer, CommandRefused, Values
 from controller.service.refusals import refused
 from controller.store.service_store import ServiceStore
 
+_log = logging.getLogger(__name__)
 NEEDS = {Access.LOOK: "view", Access.STOP: "view", Access.SET_UP: "set_up"}  # others: operate
 MAX_ROWS = 10_000
 MAX_WAITING = 1000
@@ -29,6 +32,7 @@ MAX_ARGS = 300  # characters
 AGAIN_S = 1.0  # of the same that is sent again
 COLUMNS = ("time_s", "user", "role", "address", "peer", "verb", "args", "refused")
 Row = tuple[Any, ...]
+Hears = Callable[[Answer], None]
 
 
 def listed(sql: sqlite3.Connection, most: int) -> Iterator[dict[str, Any]]:
@@ -48,21 +52,26 @@ class Requests:
         self._last: tuple[Row, float] = ((), -1e9)
 
     @contextlib.contextmanager
-    def noted(self, verb: str, args: Values, asker: Asker, peer: str) -> Iterator[None]:
-        """Around what a request does; ``peer``: the user at the socket. Raises CommandRefused."""
-        why = ""
+    def noted(self, verb: str, args: Values, asker: Asker, peer: str) -> Iterator[Hears]:
+        """Around what a request does, whose answer is heard; ``peer``: the user at the socket. What is
+        refused later, by the tick or a plan, is noted once more. Raises CommandRefused.
+        """
+
+        def note(error: BaseException | None) -> None:
+            if verb not in COMMANDS or COMMANDS[verb].access is not Access.LOOK:
+                self._note(verb, args, asker, peer, _code(error))
+
+        def hear(answer: Answer) -> None:
+            note(None)
+            if isinstance(answer, Future):
+                answer.add_done_callback(lambda done: note(done.exception()) if done.exception() else None)
+
         try:
             _check_role(verb, asker)
-            yield
-        except CommandRefused as error:
-            why = error.code
+            yield hear
+        except BaseException as error:
+            note(error)
             raise
-        except BaseException:
-            why = "error"
-            raise
-        finally:
-            if verb not in COMMANDS or COMMANDS[verb].access is not Access.LOOK:
-                self._note(verb, args, asker, peer, why)
 
     def close(self) -> None:
         """What is not written yet is written first."""
@@ -77,7 +86,8 @@ class Requests:
         self._last = same, now_s
         if len(self._waiting) < MAX_WAITING:  # the machine goes before what is noted of it
             self._waiting.append((time.time(), *who, shown, why))
-            self._writer.submit(self._write)
+            with contextlib.suppress(RuntimeError):  # it has come to its end
+                self._writer.submit(self._write)
 
     def _write(self) -> None:
         rows = self._waiting[:]
@@ -87,7 +97,18 @@ class Requests:
             marks = ", ".join("?" * len(COLUMNS))
             sql.executemany(f"INSERT INTO requests ({', '.join(COLUMNS)}) VALUES ({marks})", rows)
             sql.execute("DELETE FROM requests WHERE id <= (SELECT max(id) FROM requests) - ?", (MAX_ROWS,))
+        for _, user, role, address, peer, verb, args, why in rows:
+            priority = journald.NOTICE if why else journald.INFO
+            known = journald.fields(priority, user=user, role=role, address=address, peer=peer, request=verb)
+            _log.info("%s %s: %s %s %s", user, address, verb, args, why, extra=known)
         del self._waiting[: len(rows)]
+
+
+def _code(error: BaseException | None) -> str:
+    """What is noted of an outcome; empty where nothing is wrong."""
+    if error is None:
+        return ""
+    return error.code if isinstance(error, CommandRefused) else "error"
 
 
 def _repeats(verb: str) -> bool:

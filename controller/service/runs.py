@@ -86,7 +86,7 @@ class RunRecord:
         self._commands = np.zeros((0, axes))
         self._events = RunEvents()
         self._found = RowEvents(self._events)
-        self._started_s = time.time()
+        self._started_s, self._began_s = time.time(), time.monotonic()
         self._ticks = 0  # that sent a SYNC
         self._last_tick = -1  # of the machine, of them
         self._behind = np.zeros((0, len(ROW)))  # rows that stand: of the run if it goes on after them
@@ -218,7 +218,7 @@ class RunRecord:
         ]
         facts = {
             **self._facts(),
-            "ended_s": time.time(),
+            "ended_s": self._started_s + time.monotonic() - self._began_s,  # whatever the clock was set to
             "result": result,
             "duration_s": passed * self.machine.period_s,
             "ticks": ticks,

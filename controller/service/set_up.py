@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Iterable, Sequence
-from pathlib import Path
 from typing import Any, NamedTuple
 
 from controller.machine import setup_data
@@ -12,9 +11,10 @@ from controller.machine.changes import Change, laid
 from controller.machine.model import TOOL_AT_POWER_ON, Machine, Tool
 from controller.machine.toml_table import ConfigError
 from controller.messages import message, of_error
-from controller.service import kept_file
 from controller.service.alarms import Alarms
 from controller.service.refusals import refused
+from controller.store.service_store import ServiceStore
+from controller.store.set_up_store import FITTING, SPINDLE
 
 
 class Fitted(NamedTuple):
@@ -28,22 +28,22 @@ class SetUp:
     """Any thread reads; whoever changes it, or begins what it must not change under, holds ``lock``."""
 
     def __init__(
-        self, file: Machine, state: Path, alarms: Alarms, tell_tool: Callable[[int], object]
+        self, file: Machine, store: ServiceStore, alarms: Alarms, tell_tool: Callable[[int], object]
     ) -> None:
         """``file``: as its builder wrote it; ``tell_tool``: who else must know the tool in the spindle.
 
         Raises ConfigError, OSError.
         """
-        self._state, self._alarms, self._tell_tool = state, alarms, tell_tool
+        self._store, self._alarms, self._tell_tool = store, alarms, tell_tool
         self.file = file
-        kept, none = state / setup_data.FILE, dict[str, Any]()
-        values, damaged = kept_file.read(kept, lambda found: setup_data.sound(found, kept), none)
-        setup_data.note(state, file)
+        values = store.document(FITTING, lambda found: setup_data.sound(found, store.file), dict[str, Any]())
+        setup_data.note(store.file.parent, file)
         self._fitted = Fitted(self.applied(values), values)  # replaced as a whole
-        spindle = state / setup_data.IN_SPINDLE
         # Number of the one there: T1 where nobody has changed it yet; 0: not known.
-        self.tool, tool_damaged = kept_file.read_newest(spindle, int, TOOL_AT_POWER_ON, 0)
-        self.damaged = tuple(one for one in (damaged, tool_damaged) if one is not None)
+        self.tool = store.document(SPINDLE, int, TOOL_AT_POWER_ON)
+        if not store.is_newest(SPINDLE):
+            self.tool = 0
+            self._put(SPINDLE, 0, "TOOL")
         self.lock = threading.Lock()  # taken before that of a run
 
     @property
@@ -68,9 +68,9 @@ class SetUp:
     def fit(self, machine: Machine, values: dict[str, Any]) -> None:
         """Other offsets or tools from now on. Raises CommandRefused where the disk does not take them."""
         try:
-            setup_data.save(self._state, values)
+            self._store.put(FITTING, values)
         except OSError as error:
-            raise refused("not_written", code="busy", path=self._state, why=error) from error
+            raise refused("not_written", code="busy", path=self._store.file, why=error) from error
         self.take(Fitted(machine, values))
 
     def applied(self, values: dict[str, Any]) -> Machine:
@@ -92,10 +92,7 @@ class SetUp:
 
     def keep(self) -> None:
         """As it is now; what the disk does not take is an alarm."""
-        try:
-            setup_data.save(self._state, self.fitted)
-        except OSError as error:
-            self._not_written("NOT_KEPT", error)
+        self._put(FITTING, self.fitted, "NOT_KEPT")
 
     def find(self, tool: int) -> None:
         """At the beginning, as a changer's store has it."""
@@ -105,13 +102,13 @@ class SetUp:
         """Another tool is in the spindle; 0: nobody knows which."""
         self.tool = tool
         self._tell_tool(tool)
-        try:
-            setup_data.put_in(self._state, tool)
-        except OSError as error:
-            self._not_written("TOOL", error)
+        self._put(SPINDLE, tool, "TOOL")
 
-    def _not_written(self, what: str, error: OSError) -> None:
-        self._alarms.add(what, message("not_written", path=self._state, why=error))
+    def _put(self, document: str, value: Any, alarm: str) -> None:
+        try:
+            self._store.put(document, value)
+        except OSError as error:
+            self._alarms.add(alarm, message("not_written", path=self._store.file, why=error))
 
     def with_tools(self, fitted: dict[str, Any], tools: Iterable[Tool]) -> dict[str, Any]:
         """What a program was started with, and what an operator has changed of ``tools`` since."""

@@ -40,11 +40,12 @@ from controller.messages import message
 from controller.service.refusals import refused
 
 Handler = Callable[[str, Values], Answer]
-Noted = Callable[[str, Values, Asker, str], AbstractContextManager[None]]  # around one; last the peer's name
+Hears = Callable[[Answer], object]
+Noted = Callable[[str, Values, Asker, str], AbstractContextManager[Hears]]  # around one; last the peer's name
 
 
-def _not_noted(verb: str, args: Values, asker: Asker, peer: str) -> AbstractContextManager[None]:
-    return contextlib.nullcontext()
+def _not_noted(verb: str, args: Values, asker: Asker, peer: str) -> AbstractContextManager[Hears]:
+    return contextlib.nullcontext(lambda _: None)
 
 
 class _Peer:
@@ -150,8 +151,9 @@ class Server:
         number = _number(said)
         try:
             verb, args = _verb_and_args(said)
-            with self._noted(verb, args, _asker(said, peer.uid), name_of(peer.uid)):
+            with self._noted(verb, args, _asker(said, peer.uid), name_of(peer.uid)) as hear:
                 answer = self._handler(verb, args)
+                hear(answer)
         except Exception as error:  # one request's own mistake must not close the door for all
             peer.answer(number, error)
             return

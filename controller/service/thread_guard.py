@@ -1,7 +1,7 @@
 """A tool that stands in a thread: nothing moves it but along that thread, whatever has stopped it.
 
-Kept in a file of the state folder from the first turn into a thread until the last one out of it, so that it
-is known after a loss of power, too:
+Kept in the service's store from the first turn into a thread until the last one out of it, so that it is
+known after a loss of power, too:
 
     {"turns": 7.4, "pitch_mm": 1.0, "line": 12, "program": "plate.ngc"}
 
@@ -13,15 +13,13 @@ from __future__ import annotations
 
 import contextlib
 import math
-from pathlib import Path
 from typing import Any, NamedTuple
 
-from controller import own_files, sealed_file
 from controller.ipc.handoff import Snapshot
 from controller.machine.model import Machine
-from controller.service import kept_file
+from controller.store.service_store import ServiceStore
 
-FILE = "thread.json"
+DOCUMENT = "thread"  # in the store; null: in none
 REV_MIN = 60.0  # of the spindle on the way out
 BEYOND_MM = 1.0  # the thread's own end, so that the tap is free
 SAVE_REV = 1.0  # a loss of power costs so much of what is known
@@ -45,13 +43,21 @@ class InThread(NamedTuple):
         return {**self._asdict(), "depth_mm": self.depth_mm}
 
 
+UNKNOWN = InThread(0.0, 0.0, 0, "")  # it was in one, and nobody knows how far
+
+
 class ThreadGuard:
     """Call ``look`` with every snapshot; read ``found``."""
 
-    def __init__(self, state: Path) -> None:
-        self._file = state / FILE
-        unknown = InThread(0.0, 0.0, 0, "")  # it was in one, and nobody knows how far
-        self.found, self.damaged = kept_file.read_newest(self._file, _taken, None, unknown._asdict())
+    def __init__(self, store: ServiceStore) -> None:
+        """Raises OSError."""
+        self._store = store
+        self.found = store.document(DOCUMENT, taken, None)
+        if not store.has(DOCUMENT):
+            self.save()  # so that a loss of what comes next is noticed
+        elif not store.is_newest(DOCUMENT):
+            self.found = UNKNOWN
+            self.save()
         self._saved = self.found
 
     def look(self, now: Snapshot, program: str) -> None:
@@ -59,26 +65,26 @@ class ThreadGuard:
         if abs(now.thread_rev) > OUT_REV:
             self.found = InThread(now.thread_rev, abs(now.thread_pitch_mm), now.line, program)
             if self._saved is None or abs(self._saved.turns - self.found.turns) >= SAVE_REV:
-                self._save()
+                self.save()
         elif self.found is not None and now.thread_pitch_mm:
             self.is_out()
 
     def is_out(self) -> None:
         """It has been withdrawn, by us or by hand."""
-        self.found = self._saved = None
-        with contextlib.suppress(OSError):
-            own_files.remove(sealed_file.before(self._file))
-            own_files.remove(self._file)
+        self.found = None
+        self.save()
 
-    def _save(self) -> None:
+    def save(self) -> None:
+        """As it is now; what the disk does not take is saved with the next."""
         self._saved = self.found
-        if self.found is not None:
-            with contextlib.suppress(OSError):
-                sealed_file.write(self._file, self.found._asdict())
+        with contextlib.suppress(OSError):
+            self._store.put(DOCUMENT, self.found and self.found._asdict())
 
 
-def _taken(values: Any) -> InThread | None:
+def taken(values: Any) -> InThread | None:
     """Raises ValueError, KeyError or TypeError for anything but what is saved."""
+    if values is None:
+        return None
     found = InThread(
         float(values["turns"]), float(values["pitch_mm"]), int(values["line"]), str(values["program"])
     )

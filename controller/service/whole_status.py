@@ -6,7 +6,7 @@ import contextlib
 import os
 import threading
 
-from controller import atomic_file, messages, sealed_file
+from controller import messages, sealed_file
 from controller.ipc.control_socket import LAST, Values, as_json
 from controller.ipc.handoff import Snapshot, blank
 from controller.machine.model import OFFSETS
@@ -149,7 +149,7 @@ class Kept:
     def _write(self, told: Values) -> bool:
         """Whether the disk took it."""
         with contextlib.suppress(OSError):
-            atomic_file.write(self._file, sealed_file.text(as_json(told), LAST))
+            sealed_file.write(self._file, as_json(told))
             return True
         return False
 

@@ -66,6 +66,15 @@ class Piece(NamedTuple):
         return self.first + len(self.rows)
 
 
+class Spoilt(NamedTuple):
+    """Ticks of a record that cannot be read, from ``first`` up to ``end``."""
+
+    file: str
+    first: int
+    end: int
+    why: Message
+
+
 class SpoiltSegment(sealed_file.Damaged):
     """Which segment of a record cannot be read, and why."""
 
@@ -209,6 +218,22 @@ class Table(NamedTuple):
 
     def _rows(self, data: bytes) -> Counts:
         return np.frombuffer(data, dtype="<i4").reshape(-1, len(self.columns))
+
+    def read_around(self, folder: Path, ticks: int = 0) -> tuple[Counts | None, tuple[Spoilt, ...]]:
+        """Of a record, (N, columns) counts with ``MISSING`` where a segment is spoilt, and which are; of so
+        many ``ticks`` at least. None where there are none.
+        """
+        pieces = list(self.pieces(folder))
+        if not pieces:
+            return None, ()
+        count = max(ticks, self.ticks(folder), pieces[-1].end)
+        rows = np.full((count, len(self.columns)), MISSING, dtype=np.int32)
+        spoilt = []
+        for piece, end in zip(pieces, (*[one.first for one in pieces[1:]], count), strict=True):
+            rows[piece.first : piece.end] = piece.rows
+            if piece.spoilt is not None:
+                spoilt.append(Spoilt(piece.file.name, piece.end, end, piece.spoilt))
+        return rows, tuple(spoilt)
 
     def read(self, folder: Path, most: int = 1 << 40) -> Counts | None:
         """Of a record, (N, columns) counts, as far as written, ``most`` so many; None where there are none.

@@ -35,6 +35,9 @@ FILE = "service.sqlite"
 COPY = f"{FILE}{sealed_file.BEFORE}"  # as it was found sound last
 RESERVE = "reserve"
 RESERVE_BYTES = 1 << 20  # some thousand alarms
+AHEAD_PAGES = 100  # so much is written ahead, about: its place is written again, and needs no new one
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EIO)  # of a disk that may have room once the reserve is given up
+DOCUMENTS, GENERATIONS = "documents", 2  # of each the newest, and the one before
 T = TypeVar("T")
 
 # Steps that lead to the schema: step n makes version n + 1. One that was shipped is never edited. Times are
@@ -104,11 +107,14 @@ class ServiceStore:
         """Open, or make. Raises OSError for a file that may not be used, ConfigError for a newer one."""
         self.file, self._lock = folder / FILE, threading.RLock()
         self.losses: list[Message] = []  # what alarms say of this start
+        self._is_older = False  # than what was written last: a copy, or without what was written ahead
+        self._lost: set[str] = set()  # tables of which rows were taken out
         own_files.make_folder(folder)
+        self._was_there = sealed_file.is_marked(self.file)
         try:
             self._sql = self._opened()
         except OSError as error:
-            if error.errno not in (errno.ENOSPC, errno.EIO):
+            if error.errno not in FULL:
                 raise
             self.give_up_reserve()
             self._sql = self._opened()
@@ -116,6 +122,7 @@ class ServiceStore:
             sql.execute("INSERT INTO starts VALUES (1, 1) ON CONFLICT (id) DO UPDATE SET count = count + 1")
             if self.losses:
                 sql.execute(_NOT_KNOWN)
+            sealed_file.mark(folder, [FILE])
         self._copy_beside()
         self._put_by()
 
@@ -134,22 +141,48 @@ class ServiceStore:
         for row in self.rows(newest_first, (name,)):
             try:
                 return taken(json.loads(row[0]))
-            except sealed_file.UNREADABLE:
+            except (*sealed_file.UNREADABLE, ConfigError):
                 self.losses.append(message("store_damaged", file=self.file, what=name, aside="-"))
         return missing
 
     def has(self, name: str) -> bool:
         """Whether there is a document of that name."""
-        return bool(self.rows("SELECT 1 FROM documents WHERE name = ?", (name,)))
+        return bool(self._generations(name))
+
+    def is_newest(self, name: str) -> bool:
+        """Whether a document is what was kept last; False: by what was lost at this start it may be older."""
+        is_whole = DOCUMENTS not in self._lost or self._generations(name) == GENERATIONS
+        return is_whole and not self._is_older
+
+    def _generations(self, name: str) -> int:
+        return int(self.rows("SELECT count(*) FROM documents WHERE name = ?", (name,))[0][0])
 
     def put(self, name: str, value: Any) -> None:
         """Keep a document, and its generation before. Raises OSError."""
         with self.write() as sql:
-            newest_of = "SELECT coalesce(max(generation), 0) FROM documents WHERE name = ?"
-            newest = sql.execute(newest_of, (name,)).fetchone()[0]
-            sql.execute("DELETE FROM documents WHERE name = ? AND generation < ?", (name, newest))
-            row = name, newest + 1, time.time(), json.dumps(value)
-            sql.execute("INSERT INTO documents VALUES (?, ?, ?, ?)", row)
+            put_document(sql, name, value)
+
+    def insist(self, work: Callable[[sqlite3.Connection], object]) -> None:
+        """A transaction of what is to be kept on a full disk, too. Raises OSError.
+
+        What was written ahead is taken into the file, so that its place is written again; where that is not
+        enough the reserve is given up.
+        """
+        for make_room in (self._take_in, self.give_up_reserve, None):
+            try:
+                with self.write() as sql:
+                    work(sql)
+                return
+            except OSError as error:
+                if make_room is None or error.errno not in FULL:
+                    raise
+            with contextlib.suppress(OSError):
+                make_room()
+
+    def _take_in(self) -> None:
+        """Raises OSError."""
+        with self._lock, self._of_the_disk():
+            self._sql.execute("PRAGMA wal_checkpoint(RESTART)")
 
     def rows(self, question: str, values: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
         """All rows of a SELECT. Raises OSError."""
@@ -203,8 +236,6 @@ class ServiceStore:
         """The file; where it is damaged its copy instead, else one that is new. Raises OSError."""
         for _ in range(2):
             try:
-                if not os.path.lexists(self.file) and os.path.lexists(self._copy):
-                    raise sealed_file.Damaged(message("sealed.gone"))
                 return self._sound()
             except sealed_file.Damaged as error:
                 self._replace(error.said)
@@ -216,15 +247,21 @@ class ServiceStore:
 
     def _sound(self) -> sqlite3.Connection:
         """Raises sealed_file.Damaged, sqlite3.Error, OSError."""
+        if not os.path.lexists(self.file) and (self._was_there or os.path.lexists(self._copy)):
+            raise sealed_file.Damaged(message("sealed.gone"))
         sql = own_database.opened(self.file)
         try:
             if own_database.has_lost(sql, self.file):
                 ahead = self.file.with_name(f"{FILE}-wal")
                 aside = own_files.aside(ahead)
-                atomic_file.write(aside, own_files.read_bytes(ahead))
+                atomic_file.write(aside, own_files.read_bytes(ahead), mode=own_database.MODE)
                 sql.execute("PRAGMA wal_checkpoint(TRUNCATE)")
                 what = message("cli.state.lost")
                 self.losses.append(message("store_damaged", file=self.file, what=what, aside=aside.name))
+                self._is_older = True
+            sql.execute(f"PRAGMA wal_autocheckpoint = {AHEAD_PAGES}")
+            if self._was_there and not _version(sql):
+                raise sealed_file.Damaged(message("sealed.empty"))
             sealed_rows.seal(sql, anew=_migrate(sql, self.file))
             self.losses += self._taken_out(sql)
             if not self.losses and _starts(sql) < self._starts_of_copy():
@@ -243,10 +280,11 @@ class ServiceStore:
             if not words and not rows:
                 return []
             aside = own_files.aside(self.file)
-            atomic_file.write(aside, sql.serialize())
+            atomic_file.write(aside, sql.serialize(), mode=own_database.MODE)
             sealed_rows.index_anew(sql)
             rows = sealed_rows.damaged(sql)
             sealed_rows.take_out(sql, rows)
+            self._lost |= {name for name, _ in rows}
             sql.execute(_NOT_KNOWN)
             if left := sealed_rows.broken(sql):
                 raise sqlite3.DatabaseError(left[0])
@@ -261,8 +299,10 @@ class ServiceStore:
 
     def _copy_beside(self) -> None:
         """Of what was just found sound; a disk that takes none keeps the one before."""
-        with contextlib.suppress(OSError, sqlite3.Error), self._lock:
-            atomic_file.write(self._copy, self._sql.serialize())
+        with contextlib.suppress(OSError, sqlite3.Error):
+            with self._lock:
+                data = self._sql.serialize()
+            atomic_file.write(self._copy, data, mode=own_database.MODE)  # while others write on
 
     def _starts_of_copy(self) -> int:
         """0: there is none that can be read."""
@@ -272,11 +312,13 @@ class ServiceStore:
 
     def _replace(self, why: Message | str) -> None:
         """Puts the file aside, with what stands beside it, and its copy in its place. Raises OSError."""
+        self._is_older = True
         aside = own_files.put_aside(self.file)
         for end in own_database.BESIDE:
             own_files.put_aside(self.file.with_name(f"{FILE}{end}"))
         named = aside.name if aside else ""
         if not os.path.lexists(self._copy):
+            self._was_there = False
             self.losses.append(sealed_file.begun_anew(self.file, why, named))
             return
         at_s = self._copy.lstat().st_mtime
@@ -285,18 +327,43 @@ class ServiceStore:
 
 
 def document_of(folder: Path, name: str) -> Any:
-    """The newest of a document, for who only reads; only from a store that is as it was written.
+    """The newest of a document, for who only reads; only if all documents are as they were written.
 
     Raises FileNotFoundError where there is none, OSError, sealed_file.Damaged, sqlite3.Error.
     """
     with own_database.reading(folder / FILE) as sql:
-        if wrong := sealed_rows.look(sql):
-            raise sealed_file.Damaged(message("cli.state.rows", tables=wrong))
-        newest = "SELECT value FROM documents WHERE name = ? ORDER BY generation DESC"
+        if rows := sealed_rows.damaged(sql, DOCUMENTS):
+            raise sealed_file.Damaged(message("cli.state.rows", tables=sealed_rows.summary(rows, ())))
+        # Not by an index, which a bad bit may lead to an older one.
+        newest = "SELECT value FROM documents NOT INDEXED WHERE name = ? ORDER BY generation DESC"
         row = sql.execute(newest, (name,)).fetchone()
     if row is None:
         raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), name)
     return json.loads(row[0])
+
+
+def put_document(sql: sqlite3.Connection, name: str, value: Any) -> None:
+    """In the caller's transaction; one that is new stands there twice, so that a row that is lost shows."""
+    newest_of = "SELECT coalesce(max(generation), 0) FROM documents WHERE name = ?"
+    newest = sql.execute(newest_of, (name,)).fetchone()[0]
+    sql.execute("DELETE FROM documents WHERE name = ? AND generation < ?", (name, newest))
+    facts = time.time(), json.dumps(value)
+    for generation in (newest + 1,) if newest else range(1, GENERATIONS + 1):
+        sql.execute("INSERT INTO documents VALUES (?, ?, ?, ?)", (name, generation, *facts))
+
+
+def put(folder: Path, name: str, value: Any) -> None:
+    """Keeps a document where no service runs. Raises OSError, ConfigError."""
+    with contextlib.closing(ServiceStore(folder)) as store:
+        store.put(name, value)
+
+
+def stamp(folder: Path) -> tuple[object, ...]:
+    """What changes with whatever is written. Raises OSError."""
+    found, ahead = (folder / FILE).stat(), None
+    with contextlib.suppress(FileNotFoundError):
+        ahead = (folder / f"{FILE}-wal").stat()
+    return found.st_size, found.st_mtime_ns, ahead and (ahead.st_size, ahead.st_mtime_ns)
 
 
 def in_memory(file: Path | None) -> sqlite3.Connection:
@@ -356,9 +423,14 @@ def _starts(sql: sqlite3.Connection) -> int:
     return int(row[0]) if row is not None else 0
 
 
+def _version(sql: sqlite3.Connection) -> int:
+    """Of the schema; 0: it is empty."""
+    return int(sql.execute("PRAGMA user_version").fetchone()[0])
+
+
 def _migrate(sql: sqlite3.Connection, file: Path) -> bool:
     """Brings the schema to this version; whether it was another. Raises ConfigError for a newer one."""
-    version, newest = int(sql.execute("PRAGMA user_version").fetchone()[0]), len(MIGRATIONS)
+    version, newest = _version(sql), len(MIGRATIONS)
     if version == newest:
         return False
     if version > newest:

@@ -12,7 +12,7 @@ tool that it carries both places where it may be.
 What they hold is read once, and again behind every transaction: whoever asks where the tools are (the status,
 a refusal, every look at the tick) waits for no disk.
 
-A back-up has their rows (``saved_rows``). One that is brought back (``file_with``) is what was last known,
+A back-up has their rows (``saved_rows``). One that is brought back (``replace``) is what was last known,
 and no more: since then tools were changed, so an operator must confirm first where they are.
 """
 
@@ -238,17 +238,14 @@ def rows_of(file: Path) -> dict[str, list[list[Any]]]:
         return {name: [list(row) for row in db.execute(rows)] for name, rows in _ROWS.items()}
 
 
-def file_with(file: Path | None, rows: Mapping[str, Any]) -> bytes:
-    """The service's store as it is in ``file``, which is settled (None: an empty one), but with these rows of
-    the tools; nobody has confirmed yet where they are.
+def replace(sql: sqlite3.Connection, rows: Mapping[str, Any]) -> None:
+    """Has a store these rows of the tools; nobody has confirmed yet where they are.
 
     Raises ValueError for what are no rows of ``saved_rows``.
     """
-    with contextlib.closing(service_store.in_memory(file)) as sql:
-        for table in ("place", "known", "change", "preparation", "log"):
-            sql.execute(f"DELETE FROM {table}")
-        put(sql, rows)
-        return sql.serialize()
+    for table in ("place", "known", "change", "preparation", "log"):
+        sql.execute(f"DELETE FROM {table}")
+    put(sql, rows)
 
 
 def put(sql: sqlite3.Connection, rows: Mapping[str, Any]) -> None:

@@ -312,7 +312,7 @@ class Cycle:
             goes = goes and not assumed.by_hand
             feed, rapid = float(assumed.feed), float(assumed.rapid)
             go = goes and follow.goes(assumed.running, feed, rapid)
-            self._along_path(go, self._foreseen_row(assumed) if goes else None)
+            self._along_path(go, stock.foreseen(assumed, self._replaced_s) if goes else None)
             self._look_ahead()
         coupling.committed = 0
         if period > self._recorded:
@@ -359,12 +359,6 @@ class Cycle:
         feed, rapid = modes.override > 0.0, modes.rapid_override > 0.0
         stops = modes.single_block or modes.phase is _ENDING
         return Conditions(going, feed, rapid, follow.optional_stop, stops)
-
-    def _foreseen_row(self, conditions: Conditions) -> Row | None:
-        """What the next step was foreseen to come to, if nothing has changed."""
-        if self.stock is None or self._arrived:
-            return None
-        return self.stock.foreseen(conditions, self._replaced_s)
 
     def repeat(self, now_s: float) -> None:
         """A tick in which nothing happens (``idle``): what the last one has said and left, again."""
@@ -608,8 +602,10 @@ class Cycle:
         self._waits = running and self._must_wait()
         self.coupling.again = None if self.again is None else self.again.thread
         running = running and not self._waits
-        go = follow.goes(running, modes.override, modes.rapid_override)
-        self._along_path(go, self._foreseen_row(self._conditions()))
+        go, foreseen = follow.goes(running, modes.override, modes.rapid_override), None
+        if self.stock is not None and not self._arrived:
+            foreseen = self.stock.foreseen(self._conditions(), self._replaced_s)
+        self._along_path(go, foreseen)
 
     def _along_path(self, go: bool, foreseen: Row | None) -> None:
         """One step of the path, and what comes of it; one that is ``foreseen`` was judged then."""

@@ -14,6 +14,7 @@ Where no stop begins, the plan is followed: to the next one, or to the queue's e
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Sequence
 from enum import IntEnum
@@ -46,6 +47,7 @@ class Step(IntEnum):
 
 
 _TAKEN: Final = QueueRefusal.NONE
+NOWHERE: Final = (-1, math.nan)  # motion and place that no joints are of
 _UNKNOWN_MOTION: Final = QueueRefusal.UNKNOWN_MOTION
 _MOVED: Final = Step.MOVED  # looked up every tick, and an enum's members are slow to look up
 
@@ -69,6 +71,12 @@ class Foreseen(Protocol):
 
     @property
     def joints(self) -> Joints: ...
+    @property
+    def of(self) -> tuple[int, float]: ...
+    @property
+    def now(self) -> int: ...
+    @property
+    def tau(self) -> float: ...
     @property
     def place(self) -> tuple[float, float, float]: ...
 
@@ -108,6 +116,7 @@ class Follow:
         self.refusal = _TAKEN  # of the last message
         self.optional_stop = self.single_block = False  # the operator's switches: which marks count
         self._foreseen: Foreseen | None = None  # of the step that is under way
+        self._of = NOWHERE  # motion and place for which that step has asked for joints
         self._undo: deque[State] = deque(maxlen=STEPS_BACK)  # the last steps
 
     # -- state
@@ -285,8 +294,10 @@ class Follow:
 
     def _joints_at(self, entry: Entry, motion: Motion, s: float) -> Joints | None:
         """On the branch of the present joints; None where the rotaries cannot reach the next tool axis."""
-        if self._foreseen is not None and not self.coupling.active:  # on a thread its place is the law's
-            return self._foreseen.joints
+        self._of = of = entry.piece.motion_id, s
+        foreseen = None if self.coupling.active else self._foreseen  # on a thread its place is the law's
+        if foreseen is not None and foreseen.of == of:
+            return foreseen.joints
         return motion.joints(s, self._rotaries(self.joints), self._kinematics)
 
     def _along(self, entry: Entry, place: tuple[float, float, float]) -> float:
@@ -336,7 +347,7 @@ class Follow:
 
         ``foreseen``: what another follower has found for it, which is then not computed again.
         """
-        self._foreseen = foreseen
+        self._foreseen, self._of = foreseen, NOWHERE
         if self._brake.active and self._brake.over:
             self._settle()
         self._remember()
@@ -437,7 +448,9 @@ class Follow:
         tau, end_s, motion = clock.tau + clock.period_s, entry.end_s - ROUNDING, entry.motion
         if tau < end_s and motion is not None:  # it ends in the entry where it began
             foreseen = self._foreseen
-            if foreseen is not None and entry.thread is None and not self.coupling.active:
+            on_thread = entry.thread is not None or self.coupling.active
+            known = foreseen is not None and foreseen.now == self._now and foreseen.tau == clock.next_tau
+            if foreseen is not None and known and not on_thread:
                 self._take(foreseen.joints, 1.0)
                 clock.advance(tau)
                 self._describe_as(entry, foreseen.place)

@@ -1,28 +1,75 @@
 """Spindles that an inverter turns, as ``Peripherals`` needs them: by outputs of the I/O node, or by Modbus.
 
-One on the node reports no speed. Where an input says that it is at its speed, that counts; else it is
-expected to be there after its ramp and ``settle_s``, and to stand after its ramp. One by Modbus reports its
-frequency. Either turns back only from a standstill, but where the sign of an output says which way
-(-10 to 10 V).
+Of one on the node the node may measure the speed, by a voltage or by pulses. Else, where an input says that
+it is at its speed, that counts; or it is expected to be there after its ramp and ``settle_s``, and to stand
+after its ramp. One by Modbus reports its frequency. Either turns back only from a standstill, but where the
+sign of an output says which way (-10 to 10 V).
 """
 
 from __future__ import annotations
 
+from collections import deque
 from typing import Protocol
 
 from controller.ipc.inverter_slot import Commanded, InverterSlot
 from controller.machine.equipment import Io
-from controller.machine.spindle import Inverter, Modbus, Spindle
+from controller.machine.spindle import ANALOGUE_OUTPUT, Inverter, Modbus, SpeedFeedback, Spindle
 
 ANSWER_S = 0.2  # what the inverter says within this is of the speed before
 RESET_S = 0.5  # a pulse that resets its own fault
 STANDING_REV_MIN = 1.0
+MEASURED_TICKS, MEASURED_S = 100, 0.4  # for which pulses are counted: a tick is 1 % of that; and at most
+SILENT_S = 0.3  # nothing measured for so long: lost
+NOISE_SHARE = 0.005  # of the largest speed, that a voltage at a standstill may seem to be
 
 
 class AnalogueOutput(Protocol):
     """What is needed of the I/O node."""
 
+    @property
+    def measured(self) -> int: ...
+    @property
+    def measurements(self) -> int: ...
     def write_analogue(self, channel: int, counts: int, /) -> None: ...
+    def write_speed(self, counts: int, /) -> None: ...
+
+
+class SpeedMeasured:
+    """Of one that the node measures. Read: ``rev_min`` (unsigned but of a voltage), ``lost``."""
+
+    def __init__(self, inverter: Inverter, feedback: SpeedFeedback, node: AnalogueOutput, T: float) -> None:
+        self._node, self._feedback, self._period_s = node, feedback, T
+        self._per_count = inverter.full_rev_min / ((feedback.full_counts - feedback.zero_counts) or 1)
+        self._wraps = 1 << feedback.bits
+        self._most_silent, self._window = round(SILENT_S / T), min(MEASURED_TICKS, round(MEASURED_S / T))
+        self._count, self._now = node.measurements, 0
+        self._silent = self._most_silent  # ticks in which nothing came
+        self._pulses: deque[tuple[int, int]] = deque()  # when (ticks), and how many
+        self.rev_min = 0.0
+
+    @property
+    def lost(self) -> bool:
+        return self._silent >= self._most_silent
+
+    def look(self, ticks: int) -> None:
+        """What has come in this tick."""
+        node = self._node
+        self._now += ticks
+        if node.measurements == self._count:
+            self._silent += ticks
+            return
+        self._count, self._silent = node.measurements, 0
+        if not self._feedback.pulses_per_rev:
+            self.rev_min = (node.measured - self._feedback.zero_counts) * self._per_count
+            return
+        pulses = self._pulses
+        pulses.append((self._now, node.measured))
+        while len(pulses) > 2 and self._now - pulses[1][0] >= self._window:
+            pulses.popleft()
+        began, first = pulses[0]
+        if self._now > began:
+            turns = (node.measured - first) % self._wraps / self._feedback.pulses_per_rev
+            self.rev_min = 60.0 * turns / ((self._now - began) * self._period_s)
 
 
 class InverterSpindle:
@@ -37,6 +84,7 @@ class InverterSpindle:
     def __init__(self) -> None:
         self._wanted = self._told = 0.0  # rev/min: what is wanted, and what the inverter is told
         self._signed = False  # it may be told the other way while it turns
+        self._standing = STANDING_REV_MIN
         self.rev_min = 0.0
         self.failed = False
         self.outputs = 0
@@ -55,7 +103,7 @@ class InverterSpindle:
 
     def _turns_back(self) -> bool:
         """It turns the other way than is wanted, and is to stand first."""
-        other = self._wanted * self.rev_min < 0.0 and abs(self.rev_min) > STANDING_REV_MIN
+        other = self._wanted * self.rev_min < 0.0 and abs(self.rev_min) > self._standing
         return other and not self._signed
 
     @property
@@ -87,8 +135,16 @@ class InverterSpindle:
 class NodeInverter(InverterSpindle):
     """By outputs of the node. Read: ``counts`` of its channel; ``rev_min`` is as its ramp has it."""
 
-    def __init__(self, spindle: Spindle, inverter: Inverter, io: Io, period_s: float) -> None:
+    def __init__(
+        self, spindle: Spindle, inverter: Inverter, io: Io, period_s: float, node: AnalogueOutput
+    ) -> None:
         super().__init__()
+        told = inverter.feedback
+        self._measured = SpeedMeasured(inverter, told, node, period_s) if told is not None else None
+        self._share = spindle.at_speed_share
+        if told is not None:
+            self._standing = NOISE_SHARE * spindle.max_rev_min
+        self._sign = 1.0
         self._inverter, self._signed = inverter, inverter.signed
         self._run, self._reverse, self._reset = (
             1 << bit if (bit := io.output(f"spindle_{name}")) is not None else 0
@@ -114,9 +170,17 @@ class NodeInverter(InverterSpindle):
         self._resets = self._reset_ticks
 
     def put_out(self, node: AnalogueOutput) -> None:
-        node.write_analogue(self._inverter.channel, self.counts)
+        if self._inverter.index == ANALOGUE_OUTPUT:
+            node.write_analogue(self._inverter.channel, self.counts)
+        else:
+            node.write_speed(self.counts)
 
     def _hear(self, inputs: int, ticks: int) -> bool:
+        if (measured := self._measured) is not None:
+            measured.look(ticks)
+            self.rev_min = measured.rev_min if self._signed else self._sign * abs(measured.rev_min)
+            if measured.lost:
+                return False
         self._says_at_speed = bool(inputs & self._reached)
         return not self._ready or bool(inputs & self._ready)
 
@@ -126,8 +190,11 @@ class NodeInverter(InverterSpindle):
         if told and not self._signed:
             self._backwards = told < 0.0
         self._since += ticks
-        most = self._step * ticks
-        self.rev_min += max(-most, min(most, told - self.rev_min))
+        if self._measured is None:
+            most = self._step * ticks
+            self.rev_min += max(-most, min(most, told - self.rev_min))
+        elif told:
+            self._sign = 1.0 if told > 0.0 else -1.0
         self._there = self._there + ticks if self.rev_min == told else 0
         self.counts = self._inverter.counts(told)
         self._resets = max(0, self._resets - ticks)
@@ -136,6 +203,10 @@ class NodeInverter(InverterSpindle):
         )
 
     def _has_come(self, told: float) -> bool:
+        if (measured := self._measured) is not None:
+            near = max(self._share * abs(told), self._standing)
+            off = abs(self.rev_min) - abs(told) if not self._signed else self.rev_min - told
+            return not measured.lost and abs(off) <= near and self._since >= self._answer_ticks
         if told == 0.0:
             return self.rev_min == 0.0
         if self._reached:
@@ -184,5 +255,5 @@ class ModbusInverter(InverterSpindle):
     def _has_come(self, told: float) -> bool:
         if self._reported.order != self._order or self._silent >= self._most_silent:
             return False
-        near = max(self._share * abs(told), STANDING_REV_MIN)
+        near = max(self._share * abs(told), self._standing)
         return abs(self.rev_min - told) <= near and (self._reported.running or told == 0.0)

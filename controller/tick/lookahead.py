@@ -23,7 +23,7 @@ from controller.motion.motions import ThreadMove
 from controller.state.modes import Fault
 from controller.tick.check import Check
 from controller.tick.coupling import Law
-from controller.tick.follow import Follow, Foreseen, Step
+from controller.tick.follow import NOWHERE, Follow, Foreseen, Step
 from controller.tick.jog import Jogging
 from controller.tick.joints import INT32, Encoder
 from controller.tick.law_alone import LawAlone
@@ -58,6 +58,7 @@ class Row(NamedTuple):
     by: Correction | None = None  # what leads beside it ...
     rev_s: float = 0.0  # ... the spindle, and ...
     ahead_mm: float = 0.0  # ... the axes, since their drives lag
+    of: tuple[int, float] = NOWHERE  # motion and place of the joints; by rounding it is not ``place``
 
     def columns(self, thread: bool) -> tuple[float, ...]:
         """As a plan has them."""
@@ -144,7 +145,8 @@ class Ghost(Follow):
         rests = stopped or (stands and stop is None and halted)
         goes = before.s + far, motion, (self.s, v, a), end
         ends = rests or (stop is None and entry.rests_at(tau))
-        return Row(self.joints, counts, *goes, tau, self._now, stop, rests, ends, stopped, self.tie.law)
+        law, of = self.tie.law, self._of
+        return Row(self.joints, counts, *goes, tau, self._now, stop, rests, ends, stopped, law, of=of)
 
     def by_law(self) -> None:
         """From where the law is."""

@@ -27,6 +27,11 @@ class PathClock:
         self._syncs += 1
         self.tau = self._origin_s + self._syncs * self.period_s
 
+    @property
+    def next_tau(self) -> float:
+        """Where a whole period from here ends."""
+        return self._origin_s + (self._syncs + 1) * self.period_s
+
     def save(self) -> tuple[float, int]:
         return self._origin_s, self._syncs
 

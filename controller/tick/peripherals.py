@@ -89,6 +89,11 @@ class IoNode(Protocol):
     def fresh(self, now_s: float, consumer_s: float, /) -> bool: ...
     def write(self, outputs: int, /) -> None: ...
     def write_analogue(self, channel: int, counts: int, /) -> None: ...
+    def write_speed(self, counts: int, /) -> None: ...
+    @property
+    def measured(self) -> int: ...
+    @property
+    def measurements(self) -> int: ...
 
 
 class Clamped:
@@ -148,7 +153,7 @@ class Peripherals:
     ) -> None:
         """``slot``: of an inverter on a serial line; None: nobody answers in it."""
         period_s, io = machine.period_s, machine.io
-        self._inverter = _inverter(machine, bool(nodes), slot)
+        self._inverter = _inverter(machine, nodes, slot)
         self._spindle: SpindleDrive | None = spindle if self._inverter is None else self._inverter
         self._coupling = Coupling(machine, None) if coupling is None else coupling
         self._barred = False  # the door is open, the axes stand: no thread turns the spindle either
@@ -175,6 +180,7 @@ class Peripherals:
         self._beside = _beside(machine.changer, io)
         self._switched = self._lines = 0  # outputs of programs: as numbered there, and their bits of the node
         self._analogue = io.analogue_out if io is not None and self._node is not None else ()
+        self._gears = _gears(machine)
         self._max_rev_min = machine.spindle.max_rev_min if self._spindle and machine.spindle else 0.0
         self._limit = math.inf  # rev/min, of the tool: the override leads no further
         self._wanted = (0.0, 0, 0)  # rev/min, coolant, open clamps: what the program says, or the hand
@@ -202,11 +208,25 @@ class Peripherals:
     @property
     def at_speed(self) -> bool:
         """Whether the spindle turns as told; true without a spindle of ours."""
+        if self._gears and self.rev_min and not self._turns()[0]:
+            return False  # no gear is in
         return self._spindle is None or self._coupling.active or self._spindle.at_speed
 
     @property
     def actual_rev_min(self) -> float:
-        return self.rev_min if self._spindle is None else self._spindle.rev_min
+        if self._spindle is None:
+            return self.rev_min
+        turns, _ = self._turns()
+        return self._spindle.rev_min / turns if turns else 0.0
+
+    def _turns(self) -> tuple[float, float]:
+        """In one turn of the spindle, of what turns it, and its largest speed in this gear; 0: none is in."""
+        if not self._gears:
+            return 1.0, math.inf
+        switched = self._switched
+        return next(
+            ((t, most) for on, off, t, most in self._gears if switched & (on | off) == on), (0.0, 0.0)
+        )
 
     # -- what comes from outside
 
@@ -227,7 +247,7 @@ class Peripherals:
             return self._prepare(value)
         new = mode is Mode.READY and not self._by_hand
         rev_min, coolant, is_open = (0.0, 0, 0) if new else self._wanted
-        if request is Request.SPINDLE and abs(value) <= self._max_rev_min:
+        if request is Request.SPINDLE and abs(value) <= min(self._max_rev_min, self._turns()[1]):
             rev_min, self._limit = value, abs(value)
         elif request is Request.COOLANT and value in self._coolants:
             coolant = int(value)
@@ -422,7 +442,7 @@ class Peripherals:
             self._sagged = -self._spin_up_ticks  # it has that long to come to it
         self.rev_min = rev_min
         if self._spindle is not None:
-            self._spindle.want_speed(rev_min)
+            self._spindle.want_speed(rev_min * self._turns()[0] if self._gears else rev_min)
 
     def _drive_inverter(self, inverter: InverterSpindle, modes: Modes, ticks: int) -> None:
         """What it is told; a fault of its own stops the path, and is reset with the machine's."""
@@ -437,7 +457,7 @@ class Peripherals:
         """What the spindle is told; one that is switched by hand turns as the program says."""
         if share == 1.0 or self._max_rev_min == 0.0:
             return rev_min
-        most = min(self._max_rev_min, self._limit)
+        most = min(self._max_rev_min, self._limit, max(self._turns()[1], abs(rev_min)))
         return max(-most, min(most, rev_min * share))
 
     def _arrive(self, told: Piece, modes: Modes, ticks: int) -> None:
@@ -553,16 +573,16 @@ def _masks(io: Io | None) -> tuple[int, int, int]:
     return _mask(io.inputs, ["coolant_flow"]), _mask(io.outputs, ["mist"]), _mask(io.outputs, ["coolant"])
 
 
-def _inverter(machine: Machine, has_node: bool, slot: InverterSlot | None) -> InverterSpindle | None:
+def _inverter(machine: Machine, nodes: Sequence[IoNode], slot: InverterSlot | None) -> InverterSpindle | None:
     """What turns the spindle, where that is no drive of its own."""
     spindle, io = machine.spindle, machine.io
     if spindle is None:
         return None
     if spindle.modbus is not None:
         return ModbusInverter(spindle, spindle.modbus, slot or InverterSlot(), machine.period_s)
-    if spindle.inverter is None or io is None or not has_node:
+    if spindle.inverter is None or io is None or not nodes:
         return None
-    return NodeInverter(spindle, spindle.inverter, io, machine.period_s)
+    return NodeInverter(spindle, spindle.inverter, io, machine.period_s, nodes[0])
 
 
 def _switches(io: Io | None) -> tuple[tuple[int, ...], int]:
@@ -570,8 +590,17 @@ def _switches(io: Io | None) -> tuple[tuple[int, ...], int]:
     if io is None:
         return (), 0
     lines = tuple(_mask(io.outputs, [name]) for name in io.switched)
-    held = (*io.held, *io.changer_out)  # a changer that was stopped in the middle stays as it is
+    held = (*io.held, *io.changer_out, *io.gear_out)  # a changer that was stopped midway stays as it is
     return lines, sum(1 << i for i, name in enumerate(io.switched) if name in held)
+
+
+def _gears(machine: Machine) -> tuple[tuple[int, int, float, float], ...]:
+    """Of each gear its outputs on and off, as programs number them, its turns, and its largest speed."""
+    spindle, io = machine.spindle, machine.io
+    if spindle is None or io is None:
+        return ()
+    rows = ((*io.switched_masks(one.on, one.off), one.turns, one.high_rev_min) for one in spindle.gears)
+    return tuple(rows)
 
 
 def _beside(changer: Changer | None, io: Io | None) -> tuple[int, ...]:

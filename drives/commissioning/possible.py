@@ -189,7 +189,7 @@ def _of_axis(node: NodeSettings, profile: Profile) -> Iterator[Message]:
     others = (profile.tpdo, node.probe_tpdo, node.temperature_tpdo)
     if node.demand_tpdo and node.demand_tpdo in others:
         yield message("on_paper.demand_taken", tpdo=node.demand_tpdo)
-    if node.load_tpdo and node.taken_tpdos.count(node.load_tpdo) > 1:
+    if node.load_tpdo and not node.load_node and node.taken_tpdos.count(node.load_tpdo) > 1:
         yield message("on_paper.load_encoder_taken", tpdo=node.load_tpdo)
 
 

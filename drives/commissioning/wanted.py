@@ -210,7 +210,7 @@ def axis_pdos(node: NodeSettings) -> Iterator[Pdo]:
         what = message("setting.demand", number=node.demand_tpdo)
         demand = (node.demand_index << 16 | 32,)
         yield Pdo(TPDO, node.demand_tpdo, node.demand_every, demand, what, optional=True)
-    if node.load_tpdo:
+    if node.load_tpdo and not node.load_node:
         what = message("setting.load_encoder", number=node.load_tpdo)
         yield Pdo(TPDO, node.load_tpdo, node.load_every, (node.load_entry,), what)
     if not node.mode_tpdo:
@@ -249,11 +249,23 @@ def io_pdos(node: IoSettings) -> tuple[Pdo, ...]:
     outputs = tuple(0x6200_0008 | sub << 8 for sub in range(1, node.outputs + 1))
     inputs = tuple(0x6000_0008 | sub << 8 for sub in range(1, node.inputs + 1))
     analogue = tuple(0x6411_0010 | sub << 8 for sub in range(1, len(node.analogue) + 1))
+    analogue += (node.speed_entry,) if node.speed_entry else ()
+    number, often_ms = node.feedback_tpdo, round(node.feedback_every_s * 1e3)
+    measured = Pdo(
+        TPDO,
+        number,
+        ON_CHANGE,
+        (node.feedback_entry,),
+        message("setting.spindle_measured", number=number),
+        often_ms,
+        often_ms // 2,
+    )
     every_ms = round(node.inputs_every_s * 1e3)
     return (
         Pdo(RPDO, 1, ON_CHANGE, outputs, message("setting.outputs", number=1)),
         *((Pdo(RPDO, 2, ON_CHANGE, analogue, message("setting.analogue", number=2)),) if analogue else ()),
         Pdo(TPDO, 1, ON_CHANGE, inputs, message("setting.inputs", number=1), every_ms),
+        *((measured,) if node.feedback_entry else ()),
     )
 
 

@@ -128,8 +128,8 @@ class Drive(PowerStage):
             self.handlers[pdo.tpdo(settings.demand_tpdo, node)] = self._receive_demand
         self.load = LoadEncoder(settings) if settings.load_tpdo else None
         if self.load is not None:
-            self.with_sync += (pdo.tpdo(settings.load_tpdo, node),)
-            self.handlers[pdo.tpdo(settings.load_tpdo, node)] = self._receive_load
+            self.with_sync += (settings.load_can_id,)
+            self.handlers[settings.load_can_id] = self._receive_load
         self.probe = TouchProbe(node, settings.probe_tpdo) if settings.probe_tpdo else None
         if self.probe is not None:
             self.handlers |= self.probe.handlers

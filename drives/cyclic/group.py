@@ -80,7 +80,11 @@ class Group:
             for node in (
                 *(drive for drive in line.drives if drive.feed_forward),
                 *line.others,
-                *(one.analogue for one in line.others if isinstance(one, IoNode) and one.analogue),
+                *(
+                    one.analogue
+                    for one in line.others
+                    if isinstance(one, IoNode) and one.analogue is not None
+                ),
             )
         )
         self._guarded: tuple[tuple[Line, Supervised], ...] = tuple(

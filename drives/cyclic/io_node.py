@@ -7,33 +7,35 @@ Bit 0 of the first byte is bit 0 of the word. Analogue outputs have a frame of t
 
 from __future__ import annotations
 
-from struct import Struct
-
 from drives import pdo
 from drives.cyclic.drive_fault import DriveFault
 from drives.cyclic.supervised import NEVER_S, Supervised
 from drives.settings import IoSettings
 
 REPEATS = 1
-_pack_counts_into = Struct("<h").pack_into
 
 
 class Analogue:
-    """The analogue outputs of a node (6411h): their counts, and the frame that tells them."""
+    """Analogue outputs of a node (6411h), and behind them its object of a speed: counts in one frame."""
 
     def __init__(self, settings: IoSettings) -> None:
-        self._frame = pdo.frame(pdo.rpdo(2, settings.node), bytes(2 * len(settings.analogue)))
-        self._counts = [0] * len(settings.analogue)
+        sizes = [2] * len(settings.analogue) + [(settings.speed_entry & 0xFF) // 8] * bool(
+            settings.speed_entry
+        )
+        self._places = [(pdo.DATA_AT + sum(sizes[:n]), size) for n, size in enumerate(sizes)]
+        self._frame = pdo.frame(pdo.rpdo(2, settings.node), bytes(sum(sizes)))
+        self._counts = [0] * len(sizes)
         self._due_s = NEVER_S
         self._telling = REPEATS + 1
-        for channel, counts in enumerate(settings.analogue, 1):
-            self.write(channel, counts)
+        for place, counts in enumerate((*settings.analogue, settings.speed_idle)[: len(sizes)]):
+            self.write(place, counts)
 
-    def write(self, channel: int, counts: int) -> None:
-        """One of them, from 1, goes to so many counts."""
-        if self._counts[channel - 1] != counts:
-            self._counts[channel - 1] = counts
-            _pack_counts_into(self._frame, pdo.DATA_AT + 2 * (channel - 1), counts)
+    def write(self, place: int, counts: int) -> None:
+        """One of them, from 0, goes to so many counts."""
+        if self._counts[place] != counts:
+            self._counts[place] = counts
+            at, size = self._places[place]
+            self._frame[at : at + size] = (counts & (1 << 8 * size) - 1).to_bytes(size, "little")
             self._telling = REPEATS + 1
 
     def event_frame(self, now_s: float, heartbeat_s: float) -> bytearray | None:
@@ -49,7 +51,8 @@ class Analogue:
 class IoNode(Supervised):
     """The cyclic side of one node.
 
-    Read: ``inputs`` (word), ``inputs_at_s``, ``outputs`` (as wanted), and what `Supervised` has.
+    Read: ``inputs`` (word), ``inputs_at_s``, ``outputs`` (as wanted), ``measured`` and ``measurements``, and
+    what `Supervised` has.
     """
 
     def __init__(self, settings: IoSettings) -> None:
@@ -64,7 +67,10 @@ class IoNode(Supervised):
         self._repeats = 0
         self._frame = pdo.frame(pdo.RPDO1 + settings.node, bytes(settings.outputs))
         self.handlers[pdo.TPDO1 + settings.node] = self._read
-        self.analogue = Analogue(settings) if settings.analogue else None
+        self.analogue = Analogue(settings) if settings.analogue or settings.speed_entry else None
+        self.measured = self.measurements = 0  # of a spindle's speed: counts, and how many have come
+        if settings.feedback_entry:
+            self.handlers[pdo.tpdo(settings.feedback_tpdo, settings.node)] = self._measure
 
     def write(self, outputs: int) -> None:
         """The outputs, all at once; bits that the node does not have are passed over."""
@@ -73,7 +79,12 @@ class IoNode(Supervised):
     def write_analogue(self, channel: int, counts: int) -> None:
         """One analogue output, from 1; of those that the node does not have nothing comes."""
         if self.analogue is not None:
-            self.analogue.write(channel, counts)
+            self.analogue.write(channel - 1, counts)
+
+    def write_speed(self, counts: int) -> None:
+        """Its object of a speed."""
+        if self.analogue is not None:
+            self.analogue.write(len(self.settings.analogue), counts)
 
     def fresh(self, now_s: float, consumer_s: float) -> bool:
         """Whether the inputs can be believed now: they have come, are not too old, and the node lives.
@@ -113,6 +124,13 @@ class IoNode(Supervised):
             return
         self.inputs = int.from_bytes(data, "little")
         self.inputs_at_s = now_s
+
+    def _measure(self, data: memoryview, now_s: float) -> None:
+        if len(data) != (self.settings.feedback_entry & 0xFF) // 8:
+            self.malformed += 1
+            return
+        self.measured = int.from_bytes(data, "little", signed=True)
+        self.measurements += 1
 
     def event_frame(self, now_s: float, heartbeat_s: float) -> bytearray | None:
         """Its RPDO where there is something to tell, else None."""

@@ -201,8 +201,8 @@ def _drive(rows: _Rows, node: NodeSettings, master: MasterSettings) -> None:
         demand = pdo.tpdo(node.demand_tpdo, node.node)
         rows.every_tick("demand", name, name, demand, pdo.DEMAND.size, every=node.demand_every)
     if node.load_tpdo:
-        load = pdo.tpdo(node.load_tpdo, node.node)
-        rows.every_tick("load_encoder", name, name, load, pdo.DEMAND.size, every=node.load_every)
+        size, every = pdo.DEMAND.size, node.load_every
+        rows.every_tick("load_encoder", name, name, node.load_can_id, size, every=every)
     if node.mode_tpdo:
         mode = pdo.tpdo(node.mode_tpdo, node.node)
         rows.at_interval("mode", name, name, mode, MODE_EVERY_MS / 1000, bytes([profile.mode.value]))
@@ -245,8 +245,10 @@ def _io(rows: _Rows, io: IoSettings, master: MasterSettings) -> None:
     else:
         rows.on_event("inputs", name, name, inputs, io.inputs)
     rows.at_interval("outputs", name, CONTROLLER, outputs, master.heartbeat_s, b"", more=io.outputs)
-    if io.analogue:
-        size = 2 * len(io.analogue)
+    if io.feedback_entry:
+        measured, more = pdo.tpdo(io.feedback_tpdo, io.node), (io.feedback_entry & 0xFF) // 8
+        rows.at_interval("spindle", name, name, measured, io.feedback_every_s / 2.0, b"", more=more)
+    if size := 2 * len(io.analogue) + (io.speed_entry & 0xFF) // 8:
         rows.at_interval(
             "analogue", name, CONTROLLER, pdo.rpdo(2, io.node), master.heartbeat_s, b"", more=size
         )

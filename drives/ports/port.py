@@ -183,24 +183,22 @@ class HubSocket(FrameSocket):
 
     def receive_packet(self, most: int) -> memoryview | None:
         """The next frames of one packet, at most so many, where they lie until the next call; None: none."""
-        at, end = self._at, self._end
-        while at >= end:
+        while self._at >= self._end:
             if not self._ready(0):
                 return None
             try:
-                end = self._end = self._receive_into(self._packet) & ~(pdo.FRAME_BYTES - 1)
+                self._end = self._receive_into(self._packet) & ~(pdo.FRAME_BYTES - 1)
             except OSError:
                 return None
-            at = 0
-            if not end:
-                self._at, self.gone = 0, True
+            self._at = 0
+            if not self._end:
+                self.gone = True
                 return None
             if self._packet[3] == LOST_FRAMES_BYTE:  # the hub's own word, no frame
                 self._lost = self._lost_before + int.from_bytes(self._packet[8:12], "little")
-                at = pdo.FRAME_BYTES
-        if end - at > most * pdo.FRAME_BYTES:
-            end = at + most * pdo.FRAME_BYTES
-        self._at = end
+                self._at = pdo.FRAME_BYTES
+        at = self._at
+        self._at = end = min(self._end, at + most * pdo.FRAME_BYTES)
         return self._view[at:end]
 
     def restart(self) -> None:

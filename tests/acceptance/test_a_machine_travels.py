@@ -25,6 +25,7 @@ from controller.machine.nodes import all_settings
 from controller.machine.toml_table import ConfigError
 from controller.runtime import events
 from controller.state.modes import Mode
+from controller.store import set_up_store
 from drives.commissioning import sheet
 from drives.text_file import TextFile
 
@@ -85,7 +86,7 @@ def test_its_uploads_are_checked(moved: Machine, tmp_path: Path) -> None:
     job = {"name": "part.ngc", "program": str(program), "lines": 4, "state": str(tmp_path)}
     state, result = check_worker.check(job, lambda _: None)
     assert state == "passed", result
-    assert_drives_are_known(setup_data.machine(tmp_path))
+    assert_drives_are_known(set_up_store.machine(tmp_path))
 
 
 @pytest.fixture
@@ -132,7 +133,7 @@ def test_a_back_up_is_restored_in_another_folder(moved: Machine, tmp_path: Path)
     found = machine_file.load(file)
     assert (found.axes, found.tools) == (moved.axes, moved.tools)
     assert_drives_are_known(found)
-    assert_drives_are_known(setup_data.machine(other.folder))
+    assert_drives_are_known(set_up_store.machine(other.folder))
 
 
 def test_a_back_up_of_an_older_version_opens_and_its_machine_file_says_what_it_lacks(

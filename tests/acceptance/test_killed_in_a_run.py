@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import os
 import random
-import shutil
 import signal
 import subprocess
 import sys
@@ -23,6 +22,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support import stored_journal
 from support.live.live_machines import gone, until
 from support.live.replayed_runs import Again, again, assert_cut, assert_same_setpoints, facts, records
 from support.live.served_machine import ROOT, Serving, Values, calm, calm_machine, serving
@@ -31,7 +31,6 @@ from support.machines.stepped_runs import program
 from controller import messages
 from controller.ipc.handoff import COLUMN
 from controller.plan.restart.program_position import ENTRY_ID, Spot
-from controller.service import journal
 from controller.service.journal import Entry
 from controller.state.modes import Mode
 
@@ -100,8 +99,8 @@ def told_within_s(service: Serving, since_s: float, holds: Callable[[Values], bo
 def interrupted(service: Serving, at_least: int) -> tuple[Path, Entry]:
     """The record of the run that was killed, and the journal as it was then."""
     service.until(lambda _: len(records(service.state)) >= at_least, "the record")
-    entry, why = journal.read(service.state / "journal.json")
-    assert entry is not None, why
+    entry = stored_journal.read(service.state)
+    assert entry is not None
     return records(service.state)[-1], entry
 
 
@@ -178,7 +177,7 @@ def test_a_killed_plan_costs_nothing_of_the_cut(service: Serving, instant: float
         return  # all of it had been planned, and was run to its end
     assert not now["not_homed"]
     if not entry.exact:  # the standstill was seen here before it was written there
-        service.until(lambda _: journal.read(service.state / "journal.json")[0] != entry, "the standstill")
+        service.until(lambda _: stored_journal.read(service.state) != entry, "the standstill")
         _, entry = interrupted(service, done + 1)
     assert entry.exact
     service.done("reset" if now["mode"] == "FAULT" else "unload")
@@ -242,9 +241,8 @@ def test_a_power_loss_costs_at_most_a_second_of_cut_and_starts_nothing(
         service.process.send_signal(signal.SIGKILL)
         service.process.wait()
         until(lambda: gone(pids))
-    entry, why = journal.read(tmp_path / "state" / "journal.json")
-    assert entry is not None and not entry.ended, why
-    shutil.copy(tmp_path / "state" / "journal.json", tmp_path / "journal.json")
+    entry = stored_journal.read(tmp_path / "state")
+    assert entry is not None and not entry.ended
     with serving(tmp_path, *calm(tmp_path)) as service:
         service.up()
         now = service.status()

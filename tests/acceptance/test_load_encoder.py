@@ -19,7 +19,11 @@ from controller.runtime import checked
 from controller.runtime.bench.fault_file import MachineScript
 from controller.service import node_status
 from controller.state.modes import Fault, Request
-from drives.commissioning import possible, sheet
+from drives import pdo
+from drives.cia402 import Wanted
+from drives.commissioning import possible, sheet, wanted
+from drives.cyclic.drive import Drive
+from drives.cyclic.drive_fault import DriveFault
 
 TEXT = "G21 G90 G54 G61 G94\nT2 M6\nG0 X0 Y0 Z60\nG1 X30 Y20 F1500\nX0\nM30\n"
 MOST_MM = 0.2
@@ -93,6 +97,22 @@ def test_a_drive_without_the_object_or_with_a_tpdo_that_is_taken_is_refused_on_p
         assert any(
             "load_encoder_taken" in str(one) for one in possible.problems(taken, master, sheet.of(taken))
         )
+
+
+def test_an_encoder_with_a_node_of_its_own_is_heard_and_left_as_it_is_set_up() -> None:
+    machine = encoded(node=60, tpdo=1)
+    (node, *_) = machine_file.node_settings(machine)
+    assert node.load_can_id == 0x1BC and not any(one.number == 3 for one in wanted.pdos_of(node))
+    assert not possible.problems(node, machine_file.master_settings(machine), sheet.of(node))
+    drive = Drive(node)
+    drive.want(Wanted.ENABLED)
+    for k in range(12):
+        drive.expect()
+        drive.receive(0x181, memoryview(pdo.FEEDBACK.pack(0x1637, 1000 * k)), 0.0)
+        assert drive.receive(0x1BC, memoryview(pdo.DEMAND.pack(1000 * k - (k > 5) * 10**6)), 0.0)
+        drive.settle()
+    assert drive.load is not None and drive.load.fault is DriveFault.LOAD_OFF
+    assert drive.fault(0.0, 1.0) is DriveFault.LOAD_OFF
 
 
 def test_the_counts_of_the_encoder_are_its_own() -> None:

@@ -85,9 +85,9 @@ CHANGES = {
         "refused/machine_files",
     ),
     "the name of the journal": (
-        "service/owners.py",
-        'JOURNAL = "journal.json"',
-        'JOURNAL = "interrupted.json"',
+        "service/older_files.py",
+        '"journal.json": Document',
+        '"interrupted.json": Document',
         "state/opened",
     ),
     "a number of an answer": (

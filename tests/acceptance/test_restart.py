@@ -41,6 +41,7 @@ from controller.runtime.stepped import SteppedMachine
 from controller.service import journal
 from controller.service.journal import Journal
 from controller.state.modes import Mode, Request
+from controller.store.service_store import ServiceStore
 
 PROGRAMS = {"example 2": EXAMPLE_2, "lines": LINES, "tips": TIPS}
 BEGIN = "G21 G90 G54 G17 G61 T2 M6\nS8000 M3\nG43 H2\nG0 X0. Y0. Z60.\nG1 Z20. F1500.\n"
@@ -180,9 +181,9 @@ def last_place(rows: np.ndarray) -> tuple[int, float]:
 def test_at_every_standstill_the_journal_has_the_very_place_and_the_rest_is_cut_from_there(
     how: Request, tmp_path: Path
 ) -> None:
-    stepped, file = fresh(shipped()), tmp_path / "journal.json"
+    stepped, store = fresh(shipped()), ServiceStore(tmp_path)
     clock = lambda: stepped.clock.now_s()  # noqa: E731
-    kept = Journal(file, clock)
+    kept = Journal(store, clock)
     kept.begin(job("example 2", stepped))
     stepped.begin(Items(rest_of(EXAMPLE_2, Spot(1, 0.0), stepped.machine).items))
     tick = instants("example 2", "trunnion", 8, 1)[0] // 2 + 750
@@ -191,8 +192,8 @@ def test_at_every_standstill_the_journal_has_the_very_place_and_the_rest_is_cut_
         stepped.planner.drop()
     stepped.request(how)
     rows = np.concatenate([rows, run_for(stepped, kept, 4000, (Mode.HOLD, Mode.READY, Mode.FAULT))])
-    entry, why = journal.read(file)
-    assert entry is not None and why is None and not entry.ended
+    entry = journal.read(store)
+    assert entry is not None and not entry.ended
     if how is Request.ESTOP:  # each drive by a ramp of its own: at or before where the path was left
         assert not entry.exact and (entry.spot.motion_id, entry.spot.s) <= last_place(rows)
     else:
@@ -207,14 +208,14 @@ def test_at_every_standstill_the_journal_has_the_very_place_and_the_rest_is_cut_
 def test_after_a_power_loss_the_journal_is_at_or_before_what_was_cut_and_at_most_a_second_of_it(
     tmp_path: Path,
 ) -> None:
-    stepped, file = fresh(shipped()), tmp_path / "journal.json"
-    kept = Journal(file, lambda: stepped.clock.now_s())
+    stepped, store = fresh(shipped()), ServiceStore(tmp_path)
+    kept = Journal(store, lambda: stepped.clock.now_s())
     kept.begin(job("example 2", stepped))
     stepped.begin(Items(rest_of(EXAMPLE_2, Spot(1, 0.0), stepped.machine).items))
     rng, looked, a_second_mm = random.Random(4), 0, 1000.0 / 60.0
     while stepped.cycle.modes.mode is not Mode.READY or looked == 0:
         rows = run_for(stepped, kept, 10 * rng.randrange(5, 60))
-        entry, _ = journal.read(file)
+        entry = journal.read(store)
         here = spot_at_row(rows[-1], entry.spot) if entry is not None else None
         if entry is None or here is None or entry.exact:
             continue
@@ -232,14 +233,14 @@ def spot_at_row(row: np.ndarray, spot: Spot) -> float | None:
 
 @pytest.mark.soak
 def test_a_program_that_came_to_its_end_is_not_gone_on_with(tmp_path: Path) -> None:
-    stepped, file = fresh(shipped()), tmp_path / "journal.json"
-    kept = Journal(file, lambda: stepped.clock.now_s())
+    stepped, store = fresh(shipped()), ServiceStore(tmp_path)
+    kept = Journal(store, lambda: stepped.clock.now_s())
     kept.begin(job("lines", stepped))
     stepped.begin(Items(rest_of(LINES, Spot(1, 0.0), stepped.machine).items))
     run_for(stepped, kept, 40_000, (Mode.READY,))
     assert stepped.planner.finished_path
     kept.completed(looking(stepped, kept))
-    entry, _ = journal.read(file)
+    entry = journal.read(store)
     assert entry is not None and entry.ended
     assert "no interrupted program" in messages.text(journal.refusal(entry, entry.job, 0x1F, 0, 5))
 

@@ -62,8 +62,8 @@ def test_a_full_disk_leaves_the_old_text_and_nothing_beside_it(
     assert [(file.name, file.read_text()) for file in tmp_path.iterdir()] == [("a", "old")]
 
 
-def fit(folder: Path) -> None:
-    setup_data.save(folder, {"offsets": {}})
+def note(folder: Path) -> None:
+    setup_data.note(folder, shipped())
 
 
 def end_a_run(folder: Path) -> None:
@@ -80,7 +80,7 @@ def serve(folder: Path) -> None:
 
 @pytest.mark.parametrize(
     ("work", "name"),
-    [(fit, "fitting.json"), (end_a_run, "run.json"), (back_up, "saved.zip"), (serve, "runtime")],
+    [(note, "machine.json"), (end_a_run, "run.json"), (back_up, "saved.zip"), (serve, "runtime")],
 )
 def test_what_was_told_as_done_lasts_through_a_loss_of_power(
     tmp_path: Path, disk: list[str], work: Callable[[Path], None], name: str

@@ -41,12 +41,12 @@ from controller.messages import message
 from controller.plan.planner import Touch
 from controller.program.program import Probed
 from controller.runtime.startup import SessionError
-from controller.service import alarms, runs
+from controller.service import alarms, journal, runs
 from controller.service.command_handlers import CommandHandlers
-from controller.service.owners import JOURNAL
 from controller.service.preconditions import NEEDS
 from controller.service.whole_status import Kept
-from controller.store import service_store
+from controller.store import service_store, set_up_store
+from controller.store.set_up_store import FITTING, SPINDLE
 
 SENTENCES = (ConfigError, SessionError, OSError, CommandRefused)  # what ``serve`` ends with; others: code 70
 TOKEN, SHA256 = new_token()
@@ -63,8 +63,8 @@ def used(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("used")
     service = served(folder, MACHINE)
     state = service.state
-    setup_data.save(state, {"offsets": {"G55": {"origin_mm": [1, 2, 3]}}, "parameters": {"500": 12.5}})
-    setup_data.put_in(state, 2)
+    service.store.put(FITTING, {"offsets": {"G55": {"origin_mm": [1, 2, 3]}}, "parameters": {"500": 12.5}})
+    service.store.put(SPINDLE, 2)
     control_socket.note_runtime(state, folder)
     assert service.changer is not None
     service.changer.store.confirm({1: 1, 2: 0})
@@ -180,7 +180,7 @@ def as_it_was(app: Any, folder: Path) -> None:
         ]
         assert set(strangers) <= {401, 503}
     with contextlib.suppress(ValueError, OSError, ConfigError):
-        setup_data.machine(state)
+        set_up_store.machine(state)
     with contextlib.suppress(StoreError, ConfigError, OSError), contextlib.closing(Store(state)) as store:
         backup.save(store, MACHINE, folder / "saved.zip")
     control_socket.runtime_of(state)
@@ -383,13 +383,18 @@ def test_a_note_that_can_be_had_anew_is_written_anew(
     assert setup_data.noted(folder / "state").name == MACHINE.name
 
 
-def test_what_carried_facts_and_cannot_be_read_is_put_aside_and_reported(folder: Path) -> None:
-    file = folder / "state" / JOURNAL
-    data = b"\xff" + file.read_bytes()[1:]
-    file.write_bytes(data)
+def damage(state: Path, name: str) -> None:
+    """The newest of a document, by who keeps no sums."""
+    with contextlib.closing(own_database.opened(state / service_store.FILE)) as sql:
+        newest = f"SELECT max(generation) FROM documents WHERE name = '{name}'"
+        sql.execute(f"UPDATE documents SET value = '7' WHERE name = '{name}' AND generation = ({newest})")
+
+
+def test_a_journal_that_cannot_be_read_is_put_aside_and_reported(folder: Path) -> None:
+    state = folder / "state"
+    damage(state, journal.DOCUMENT)
     alarm = next(alarm for alarm in started(folder) if alarm["name"] == alarms.DAMAGE)
-    assert alarm["values"]["file"] == str(file) and alarm["values"]["aside"] == f"{JOURNAL}.damaged1"
-    assert file.with_name(f"{JOURNAL}.damaged1").read_bytes() == data
+    assert alarm["values"]["what"] == "documents 1" and (state / alarm["values"]["aside"]).exists()
 
 
 def test_an_alarm_that_is_damaged_costs_no_other_and_holds_every_start_back(folder: Path) -> None:
@@ -413,22 +418,19 @@ def test_counters_of_wear_in_a_store_that_is_no_store_any_more_are_those_of_its_
     service.close()
 
 
-@pytest.mark.parametrize("name", [setup_data.FILE, setup_data.IN_SPINDLE])
-@pytest.mark.parametrize("cut", [1, 9])
+@pytest.mark.parametrize("name", [FITTING, SPINDLE])
 def test_nothing_starts_with_damaged_offsets_or_an_unknown_tool_before_somebody_has_confirmed_it(
-    folder: Path, name: str, cut: int
+    folder: Path, name: str
 ) -> None:
     """With others than those that were set it would cut elsewhere."""
     state = folder / "state"
-    if name == setup_data.FILE:
-        setup_data.save(state, {"offsets": {"G55": {"origin_mm": [7, 8, 9]}}})
-    (state / name).write_bytes((state / name).read_bytes()[:-cut])
+    service_store.put(state, FITTING, {"offsets": {"G55": {"origin_mm": [7, 8, 9]}}})
+    damage(state, name)
     service = served(folder, MACHINE)
     desk = CommandHandlers(service)
     alarm = next(one for one in service.alarms.list() if one["name"] == alarms.DAMAGE)
-    assert alarm["values"]["file"] == str(state / name)
-    if name == setup_data.FILE:
-        assert alarm["key"] == "file_before"
+    assert alarm["values"]["file"] == str(state / service_store.FILE)
+    if name == FITTING:
         assert service.set_up.fitted["offsets"] == {"G55": {"origin_mm": [1, 2, 3]}}
     for verb, args in (("mdi", {"text": "G1 X1 F100"}), ("mdi", {"text": "M5"})):
         with pytest.raises(CommandRefused, match="onfirm alarm"):
@@ -438,6 +440,20 @@ def test_nothing_starts_with_damaged_offsets_or_an_unknown_tool_before_somebody_
         done(desk, "mdi", text="M5")
     NEEDS["damage"](service, COMMANDS["start"], {})
     desk.close()
+
+
+def test_nothing_starts_once_the_whole_store_is_gone_before_somebody_has_confirmed_it(folder: Path) -> None:
+    for file in (folder / "state").glob(f"{service_store.FILE}*"):
+        file.unlink()
+    service = served(folder, MACHINE)
+    (alarm,) = service.alarms.list()
+    assert (alarm["name"], alarm["key"]) == (alarms.DAMAGE, "file_gone")
+    assert service.changer is not None and not service.changer.store.known and service.set_up.tool == 0
+    with pytest.raises(CommandRefused, match="onfirm alarm"):
+        NEEDS["damage"](service, COMMANDS["start"], {})
+    service.alarms.acknowledge(alarm["id"])
+    NEEDS["damage"](service, COMMANDS["start"], {})
+    service.close()
 
 
 def test_tools_of_which_a_bad_bit_has_cost_the_last_step_must_be_confirmed(folder: Path) -> None:

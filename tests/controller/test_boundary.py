@@ -21,6 +21,7 @@ from support.fakes.fake_engine import served
 from controller.api import own_folder
 from controller.api.store import Store, StoreError
 from controller.api.uploads import UploadLimits
+from controller.plan.report import stored
 
 SERVICE, PANEL, GROUP = 64001, 64002, 64000
 pytestmark = pytest.mark.skipif(os.geteuid() != 0, reason="a second user takes root to make")
@@ -158,6 +159,21 @@ def test_the_panel_works_in_its_folder_and_the_controller_reads_programs_there(s
 
     assert as_user(PANEL, upload) and as_user(SERVICE, read)
     assert not as_user(SERVICE, lambda: (own_folder.of(state) / "programs" / "x").write_text(""))
+
+
+def test_a_check_that_the_panel_has_forged_is_none_that_a_start_goes_by(state: Path) -> None:
+    own, key = state / "checks", "a" * 64
+    own.mkdir(exist_ok=True)
+    os.chown(own, SERVICE, GROUP)
+    file = stored.save(stored.Stored(1, 1.0, 1, {}), key, own)
+    for user, counts in ((SERVICE, True), (PANEL, False)):
+        os.chown(file, user, GROUP)
+        assert as_user(SERVICE, lambda counts=counts: _is_found(key, own, counts))
+
+
+def _is_found(key: str, where: Path, counts: bool) -> None:
+    found, warning = stored.load(key, where)
+    assert (found is not None) is counts and bool(warning) is not counts
 
 
 def of_before(state: Path) -> None:

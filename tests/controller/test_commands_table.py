@@ -16,6 +16,7 @@ from controller.machine import setup_data
 from controller.service.command_handlers import AT_ONCE, ERRANDS, CommandHandlers
 from controller.service.preconditions import NEEDS
 from controller.state.modes import ALWAYS, Mode
+from controller.store import set_up_store
 
 
 def test_every_command_is_carried_out_by_one_place_and_needs_what_there_is() -> None:
@@ -80,7 +81,7 @@ def test_a_tool_that_is_changed_twice_keeps_its_wear_over_a_restart(desk: Comman
     row = {"name": "", "radius_mm": 1.4, "length_mm": 8.0, "flute_mm": 15.0}
     done(desk, "set_tool", number=2, **row, wear_radius_mm=0.1)
     done(desk, "set_tool", number=2, **{**row, "length_mm": 9.0})
-    after = setup_data.applied(desk.service.set_up.file, setup_data.load(desk.service.state))
+    after = setup_data.applied(desk.service.set_up.file, set_up_store.load(desk.service.state))
     for machine in (desk.service.set_up.machine, after):
         tool = next(one for one in machine.tools if one.number == 2)
         assert (tool.wear_radius_mm, tool.length_mm) == (0.1, 9.0)

@@ -45,14 +45,13 @@ from controller.runtime import recording
 from controller.service import journal, room, runs
 from controller.service.alarms import Alarms
 from controller.service.folders import Folders
-from controller.service.owners import JOURNAL
 from controller.service.probed import Probed
 from controller.service.service import Service
 from controller.service.thread_guard import InThread, ThreadGuard
 from controller.service.usage import Usage
 from controller.state.modes import Fault
 from controller.state.setpoints import SETPOINTS
-from controller.store import service_store, tool_store
+from controller.store import service_store, set_up_store, tool_store
 from controller.store.service_store import ServiceStore
 
 SERVICE, PANEL, GROUP = 64001, 64002, 64000
@@ -163,21 +162,21 @@ def _probed(state: Path, _: Path) -> None:
 
 
 def _thread(state: Path, _: Path) -> None:
-    guard = ThreadGuard(state)
+    guard = ThreadGuard(ServiceStore(state))
     guard.found = InThread(3.0, 1.0, 5, "a.ngc")
-    guard._save()
+    guard.save()
 
 
 def _fitted(state: Path, _: Path) -> None:
-    setup_data.save(state, {"parameters": {"500": 1.0}})
-    setup_data.put_in(state, 3)
+    service_store.put(state, set_up_store.FITTING, {"parameters": {"500": 1.0}})
+    service_store.put(state, set_up_store.SPINDLE, 3)
     setup_data.note(state, shipped())
 
 
 def _journal(state: Path, _: Path) -> None:
     job = journal.Job.of("a.ngc", b"M2", shipped(), (0.0,) * 5)
     spot = journal.Spot(1, 0.0, 0, 0.0)
-    journal.write(journal.Entry(job, spot, True, 1, "HOLD", "NONE", 31, 0.0), state / JOURNAL)
+    journal.write(journal.Entry(job, spot, True, 1, "HOLD", "NONE", 31, 0.0), ServiceStore(state))
 
 
 def _checked(state: Path, _: Path) -> None:
@@ -485,8 +484,6 @@ def test_a_restore_replaces_the_machine_file_and_a_roll_back_puts_it_back_though
     victim.write_text("x")
     machine_file.write_text(config.alone(config.load("trunnion")).replace("0.002", "0.004"))
     for name in (
-        "fitting.json.new",
-        "fitting.json.old",
         "machine.json.new",
         "service.sqlite.old",
         "service.sqlite.new",

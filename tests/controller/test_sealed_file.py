@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from support import older_state
 from support.suite import seed
 
 from controller import sealed_file
 from controller.sealed_file import Damaged
-from controller.service import kept_file
 
 FIRST: dict[str, Any] = {"tools": {"2": {"radius_mm": 1.5}}, "on": [True, None, -0.0, 1e-7], "text": "Fräser"}
 SECOND = {**FIRST, "tools": {"2": {"radius_mm": 2.5}}}
@@ -20,21 +20,21 @@ HARMED = (Damaged, OSError)
 
 
 def written(folder: Path, name: str = "fitting.json") -> Path:
-    """Two generations of a file in a folder that is sealed."""
+    """Two generations of a file in a folder that a version before has sealed."""
     file = folder / name
-    sealed_file.write(file, FIRST)
-    sealed_file.write(file, SECOND)
-    sealed_file.adopt(folder, [name])
+    older_state.write(file, FIRST)
+    older_state.write(file, SECOND)
+    sealed_file.mark(folder, [name])
     return file
 
 
 @pytest.mark.parametrize("values", [FIRST, [1, "a"], 7, None, "", {"value": 3}, {}, 0.1 + 0.2])
-def test_what_was_written_is_read_and_so_is_the_generation_before(values: Any, tmp_path: Path) -> None:
+def test_what_was_written_is_read(values: Any, tmp_path: Path) -> None:
     file = tmp_path / "any.json"
     sealed_file.write(file, values)
     assert sealed_file.read(file) == values
     sealed_file.write(file, SECOND)
-    assert sealed_file.read(file) == SECOND and sealed_file.read(sealed_file.before(file)) == values
+    assert sealed_file.read(file) == SECOND and list(tmp_path.iterdir()) == [file]
 
 
 def test_no_flip_of_a_bit_changes_what_is_read(tmp_path: Path) -> None:
@@ -79,58 +79,10 @@ def test_pieces_of_sealed_files_put_together_are_none(tmp_path: Path) -> None:
             assert sealed_file.read(file) in (FIRST, SECOND)
 
 
-def test_a_folder_of_a_version_without_seals_is_taken_once(tmp_path: Path) -> None:
+def test_without_a_seal_only_a_file_of_a_version_before_is_read(tmp_path: Path) -> None:
     file = tmp_path / "usage.json"
     file.write_text('{"a": 1}')
     assert sealed_file.read(file) == {"a": 1}
-    sealed_file.adopt(tmp_path, ["usage.json", "none.json"])
-    assert sealed_file.read(file) == {"a": 1} and not (tmp_path / "none.json").exists()
-    file.write_text('{"a": 2}')
+    sealed_file.mark(tmp_path, ["usage.json", "none.json"])
     with pytest.raises(Damaged):
         sealed_file.read(file)
-
-
-def test_where_a_file_is_damaged_the_one_before_counts_and_is_reported(tmp_path: Path) -> None:
-    file = written(tmp_path)
-    file.write_bytes(file.read_bytes()[:-9])
-    values, alarm = kept_file.read(file, lambda found: found, None)
-    assert values == FIRST and alarm is not None and alarm["key"] == "file_before"
-    assert (tmp_path / "fitting.json.damaged1").exists()
-    file = written(tmp_path)
-    for one in (file, sealed_file.before(file)):
-        one.write_bytes(b"{")
-    values, alarm = kept_file.read(file, lambda found: found, None)
-    assert values is None and alarm is not None and alarm["key"] == "file_damaged"
-    file = written(tmp_path)
-    file.unlink()
-    values, alarm = kept_file.read(file, lambda found: found, None)
-    assert values == FIRST and alarm is not None and alarm["key"] == "file_gone_before"
-    written(tmp_path).unlink()
-    values, alarm = kept_file.read_newest(file, lambda found: found, None, {"unknown": True})
-    assert values == {"unknown": True} and alarm is not None and alarm["key"] == "file_gone"
-
-
-def test_what_counts_instead_of_a_damaged_file_is_in_it_from_then_on(tmp_path: Path) -> None:
-    file = written(tmp_path)
-    file.write_bytes(file.read_bytes()[:-9])
-    assert kept_file.read(file, lambda found: found, None)[1] is not None
-    assert kept_file.read(file, lambda found: found, None) == (FIRST, None), "no second alarm of it"
-    file.write_bytes(file.read_bytes()[:-9])
-    assert kept_file.read_newest(file, lambda found: found, None, 0)[0] == 0
-    assert kept_file.read_newest(file, lambda found: found, None, 0) == (0, None)
-
-
-def test_where_the_disk_takes_nothing_a_damaged_file_stays_to_be_found_again(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    file = written(tmp_path)
-    sealed_file.before(file).unlink()
-    file.write_bytes(file.read_bytes()[:-9])
-
-    def full(*_: object) -> None:
-        raise OSError("full")
-
-    monkeypatch.setattr(sealed_file, "write", full)
-    for _ in range(2):
-        found, alarm = kept_file.read_newest(file, lambda found: found, 1, 0)
-        assert found == 0 and alarm is not None

@@ -227,8 +227,11 @@ def test_a_missing_can_interface_is_a_sentence():
 
 def test_the_hubs_word_about_lost_frames_is_a_count_and_no_frame(hub_end):
     port, theirs = hub_end
-    theirs.send(hub_protocol.lost_frame(7) + bytes(pdo.frame(0x181)))
     buffer = bytearray(16)
+    theirs.send(hub_protocol.lost_frame(3))
+    assert not port.receive_into(buffer) and not port.receive_into(buffer)
+    assert port.overflows == 3
+    theirs.send(hub_protocol.lost_frame(7) + bytes(pdo.frame(0x181)))
     assert port.receive_into(buffer)
     assert pdo.unpack(buffer)[0] == 0x181
     assert not port.receive_into(buffer)

@@ -58,9 +58,9 @@ async def _or_last_known(
         return await asked
     except Refusal as refusal:
         if wanted and refusal.facts.code == "gone":
-            folder = panel_of(request).store.folder
-            if found := await asyncio.to_thread(control_socket.last_known, folder, what):
-                return found
+            panel = panel_of(request)
+            if found := await asyncio.to_thread(control_socket.last_known, panel.store.folder, what):
+                return {**found, "gone_s": panel.watch.gone_s(found["gone_s"])}
         raise
 
 

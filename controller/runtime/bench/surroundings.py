@@ -9,12 +9,12 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
-from controller.machine import nodes
+from controller.machine import nodes, spindle
 from controller.machine.equipment import SENSORS
 from controller.machine.model import Changer, Io, Machine
 from drives.bench.simulated import build
 from drives.bench.simulated.drive import SimulatedDrive
-from drives.bench.simulated.inverter import Inverter, Line, Wiring
+from drives.bench.simulated.inverter import Inverter, Line, Measured, Wiring
 from drives.bench.simulated.io_node import IoNode
 from drives.bench.simulated.parameters import LostSync, Parameters
 from drives.bench.simulated.rig import Rig, rig
@@ -54,7 +54,20 @@ def _wires(machine: Machine) -> tuple[Wire, ...]:
         asked, there = io.output(io.orient.output) or 0, io.input(io.orient.input) or 0
         turned = (io.orient.output in io.inverted) != (io.orient.input in io.inverted)
         found.append(Wire(asked, there, io.orient.usual_s, turned))
-    return (*found, *_of_changer(machine.changer, io))
+    return (*found, *_of_changer(machine.changer, io), *_of_gears(machine.spindle, io))
+
+
+def _of_gears(turned: spindle.Spindle | None, io: Io) -> list[Wire]:
+    """The switch of each gear follows the first output of its fork."""
+    found = []
+    for gear in () if turned is None else turned.gears:
+        rows = [(one, True) for one in gear.on] + [(one, False) for one in gear.off]
+        name, is_on = rows[0] if rows else ("", True)
+        output, switch = io.output(name), io.input(gear.input)
+        if output is not None and switch is not None:
+            straight = ((name in io.inverted) == (gear.input in io.inverted)) is is_on
+            found.append(Wire(output, switch, gear.usual_s, not straight))
+    return found
 
 
 def _of_changer(changer: Changer | None, io: Io) -> list[Wire]:
@@ -97,7 +110,17 @@ def _wiring(machine: Machine) -> Wiring | None:
         60.0 * spindle.acceleration_rev_s2,
         lines.get("spindle_reverse"),
         lines.get("spindle_at_speed"),
+        told.index,
+        _measured(told),
     )
+
+
+def _measured(told: spindle.Inverter) -> Measured | None:
+    """What the node shows of its speed."""
+    if (one := told.feedback) is None:
+        return None
+    per = (one.full_counts - one.zero_counts) / told.full_rev_min
+    return Measured((one.index, one.channel), one.bits, one.zero_counts, per, one.pulses_per_rev)
 
 
 def devices(

@@ -26,6 +26,16 @@ class Line(NamedTuple):
         return bool(word >> self.bit & 1) is not self.inverted
 
 
+class Measured(NamedTuple):
+    """What an object of the node shows of the speed: counts of it, or pulses."""
+
+    place: tuple[int, int]  # index, sub-index
+    bits: int
+    zero_counts: int
+    counts_per_rev_min: float
+    pulses_per_rev: float = 0.0
+
+
 class Wiring(NamedTuple):
     """How an inverter is wired and set; ``rev_min_per_count`` from ``zero_counts`` on."""
 
@@ -37,6 +47,8 @@ class Wiring(NamedTuple):
     ramp_rev_min_s: float = 3000.0
     reverse: Line | None = None
     at_speed: Line | None = None
+    object_index: int = ANALOGUE  # of the object that says how fast
+    measured: Measured | None = None
 
 
 class Ramp:
@@ -62,8 +74,22 @@ class Inverter:
         self.speed = self._ramp.speed
         self._counts = wiring.zero_counts
         node.watchers.append(lambda _, now_s: self._turn(now_s))
-        node.dictionary.writers[key(ANALOGUE, wiring.channel)] = self._take
+        node.dictionary.writers[key(wiring.object_index, wiring.channel)] = self._take
+        self._turned, self._turned_s = 0.0, node.now_s  # revolutions, until then
+        if wiring.measured is not None:
+            node.dictionary.readers[key(*wiring.measured.place)] = lambda: self._measure(wiring.measured)
         self._show(False, node.now_s)
+
+    def _measure(self, shown: Measured | None) -> int:
+        """As the node shows it now."""
+        assert shown is not None
+        now_s = self._node.now_s
+        speed = abs(self.speed(now_s)) if not self._wiring.signed else self.speed(now_s)
+        self._turned += abs(speed) / 60.0 * (now_s - self._turned_s)
+        self._turned_s = now_s
+        if shown.pulses_per_rev:
+            return int(self._turned * shown.pulses_per_rev) % (1 << shown.bits)
+        return round(shown.zero_counts + speed * shown.counts_per_rev_min)
 
     def _take(self, counts: int) -> None:
         self._counts = counts

@@ -24,7 +24,7 @@ ROOM = Path(str(api.__file__)).parent
 # Told by what is sent by scripts alone, or at the command line before there is a page.
 ENGLISH_ONLY = {"multipart.py", "records.py", "programs.py", "database.py"}
 # What another room refused goes on with the key that it has there.
-HANDED_ON = {"http.py", "service_client.py", "calibration.py", "tables.py"}
+HANDED_ON = {"http.py", "service_client.py", "calibration.py", "tables.py", "session.py"}
 CASES: dict[str, tuple[str, str, Any, str]] = {
     "a program that is not there": ("GET", "/programs/none.ngc", None, "Programm 'none.ngc'"),
     "its new name is another's": (

@@ -30,7 +30,8 @@ from controller.cli import installation
 from controller.machine import machine_file as config
 from controller.machine import setup_data
 from controller.machine.toml_table import ConfigError
-from controller.store import service_store, tool_store
+from controller.store import service_store, set_up_store, tool_store
+from controller.store.set_up_store import FITTING
 from controller.store.tool_store import AWAY, SPINDLE, Step
 
 FITTED = {
@@ -51,8 +52,8 @@ def state(store: Store) -> tuple[object, ...]:
     """All that a back-up holds."""
     programs = {p.name: store.programs.path(p.sha256).read_bytes() for p in store.programs.list()}
     tools = tool_store.saved_rows(store.folder)
-    fitted = setup_data.load(store.folder), tools
-    return programs, fitted, store.settings.all(), setup_data.machine(store.folder)
+    fitted = set_up_store.load(store.folder), tools
+    return programs, fitted, store.settings.all(), set_up_store.machine(store.folder)
 
 
 @contextlib.contextmanager
@@ -68,7 +69,7 @@ def tools_of(store: Store) -> Iterator[StoredTools]:
 def filled(folder: Path) -> Store:
     store = Store(folder)
     setup_data.note(folder, config.load("trunnion"))
-    setup_data.save(folder, FITTED)
+    service_store.put(folder, FITTING, FITTED)
     store.settings.set("upload_mb", 64, "me")
     with tools_of(store) as tools:
         tools.confirm(PLACES)
@@ -94,14 +95,14 @@ def test_a_back_up_put_into_an_empty_store_is_what_was_saved(
     backup.restore(other, backup.check(archive), tmp_path / "machine.toml", None)
     saved, found = state(store), state(other)
     assert found[:3] == saved[:3]
-    restored = setup_data.applied(config.load(tmp_path / "machine.toml"), setup_data.load(other.folder))
+    restored = setup_data.applied(config.load(tmp_path / "machine.toml"), set_up_store.load(other.folder))
     for name in ("axes", "tools", "offsets", "buses", "period_s"):
         assert getattr(restored, name) == getattr(saved[3], name), name
 
 
 def test_restoring_is_undone_by_rolling_back(store: Store, archive: Path) -> None:
     put(store, "a.ngc", b"G4 P9\nM2\n")
-    setup_data.save(store.folder, {})
+    service_store.put(store.folder, FITTING, {})
     changed = state(store)
     backup.restore(store, backup.check(archive), None, setup_data.noted(store.folder))
     assert state(store)[0]["a.ngc"] == b"M2\n"  # type: ignore[index]
@@ -264,7 +265,7 @@ def test_a_restore_that_fails_anywhere_has_changed_nothing(
     machine_file.write_text(config.alone(config.load("trunnion")).replace("0.002", "0.004"))
     put(store, "a.ngc", b"G4 P9\nM2\n")
     put(store, "only here.ngc", b"G4 P8\nM2\n")
-    setup_data.save(store.folder, {})
+    service_store.put(store.folder, FITTING, {})
     store.settings.set("upload_mb", 8, "me")
     before = state(store), everything(store.folder), everything(machine_file.parent)
     with monkeypatch.context() as patched:

@@ -19,6 +19,8 @@ from controller.cli import check_worker
 from controller.machine import machine_file, setup_data
 from controller.messages import text, with_sentences
 from controller.runtime import checked
+from controller.store import service_store
+from controller.store.set_up_store import FITTING
 
 SOUND = b"O1\nG1 X10 F100\nG1 X20 Y5\nM2\n"
 WRONG = b"G1 X10 F100\nG1 X9999\nM2\n"
@@ -127,7 +129,7 @@ def test_a_check_belongs_to_the_tools_and_offsets_it_was_made_with(store: Store)
     program, checker = kept(store, "a", SOUND), fake(store)
     checker.ask(program)
     awaited(checker, program, "passed")
-    setup_data.save(store.folder, {"offsets": {"G54": [1.0, 2.0, 3.0]}})
+    service_store.put(store.folder, FITTING, {"offsets": {"G54": [1.0, 2.0, 3.0]}})
     assert checker.of(program) is None
     checker.ask(program)
     awaited(checker, program, "passed")

@@ -219,7 +219,7 @@ class Passed:
     def of(self, program: Any) -> ProgramCheck:
         return ProgramCheck(program.sha256, "", "passed", 1.0, {"stored": "abc"}, 0.0)
 
-    def ask(self, program: Any) -> None:
+    def ask(self, program: Any, owner: Any = None) -> None:
         """Nothing is left to do."""
 
 

@@ -15,6 +15,8 @@ from controller.api import backup, own_backups, own_folder
 from controller.api.store import Store
 from controller.cli import backup as command
 from controller.machine import machine_file, setup_data
+from controller.store import service_store, set_up_store
+from controller.store.set_up_store import FITTING
 
 PATH = "/api/v1/backups"
 FITTED = {"offsets": {"G54": {"origin_mm": [1.0, 2.0, 3.0]}}}
@@ -35,7 +37,7 @@ def state(tmp_path: Path) -> Path:
     folder = tmp_path / "state"
     folder.mkdir()
     setup_data.note(folder, machine_file.load("trunnion"))
-    setup_data.save(folder, FITTED)
+    service_store.put(folder, FITTING, FITTED)
     with Store(folder).uploads.begin("a.ngc") as upload:
         upload.write(b"M2\n")
         upload.commit()
@@ -57,13 +59,13 @@ def test_what_is_saved_is_listed_with_its_date_taken_away_and_put_back_by_the_co
         taken = await client.get(f"{PATH}/{file.name}")
         assert taken.content == file.read_bytes() and len(taken.content) == made.json()["size"]
 
-        setup_data.save(state, {})
+        service_store.put(state, FITTING, {})
         words = ["restore", str(file), "--state", str(state), "--runtime", str(tmp_path)]
         done = CliRunner().invoke(command.app, words)
         assert done.exit_code == 0, done.output
 
     told(state, story)
-    assert setup_data.load(state)["offsets"] == FITTED["offsets"]
+    assert set_up_store.load(state)["offsets"] == FITTED["offsets"]
 
 
 def test_the_latest_are_kept_and_nothing_that_is_no_archive_is_listed(

@@ -5,15 +5,16 @@ from __future__ import annotations
 import asyncio
 from collections.abc import AsyncIterator, Coroutine, Iterable, Iterator
 from concurrent.futures import Future
-from contextlib import asynccontextmanager, contextmanager
+from contextlib import asynccontextmanager, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 import pytest
-from support.fakes.fake_socket import TABLE
+from support.fakes.fake_socket import TABLE, FakeDoor
 from support.fakes.panels import Scene
 
 from controller.api import service_client
+from controller.api.answers import Refusal
 from controller.api.service_client import SocketServiceClient, Watch
 from controller.commands.command import Lane
 from controller.commands.table import ALL
@@ -159,3 +160,28 @@ def test_whoever_was_answered_reads_a_status_of_after_that_answer(monkeypatch: p
         assert (await watch.status())["mode"] == "hold", "asked for before the answer"
 
     asyncio.run(story())
+
+
+def test_a_service_is_gone_for_no_longer_than_it_was_not_heard_whatever_the_clock_is_set_to(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    now_s = 1000.0
+    door = FakeDoor()
+    monkeypatch.setattr(service_client.time, "monotonic", lambda: now_s)
+    watch = Watch(door)
+    assert watch.gone_s(5.0) == 5.0, "nothing is known here yet"
+
+    async def look() -> None:
+        with suppress(Refusal):
+            await watch.status()
+
+    asyncio.run(look())
+    now_s, door.there = 1010.0, False
+    asyncio.run(look())
+    now_s = 1040.0
+    asyncio.run(look())
+    assert [watch.gone_s(by_clock_s) for by_clock_s in (-3600.0, 33.0, 3600.0)] == [30.0, 33.0, 40.0]
+    door.there = True
+    asyncio.run(look())
+    now_s = 1041.0
+    assert watch.gone_s(3600.0) == 1.0

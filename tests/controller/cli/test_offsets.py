@@ -15,6 +15,8 @@ from controller.cli import offsets
 from controller.machine import machine_file, setup_data
 from controller.machine.changes import turned_deg
 from controller.machine.model import OFFSETS
+from controller.store import service_store
+from controller.store.set_up_store import FITTING
 
 FITTED: dict[str, Any] = {
     "offsets": {"G55": {"origin_mm": [1.0, 2.0, 3.0], "turned_deg": [0, 0, 30], "rotary_deg": {"C": 15.0}}},
@@ -55,8 +57,11 @@ def test_programs_on_the_desk_are_read_with_what_was_set_where_that_is_asked_for
 ) -> None:
     program = tmp_path / "p.ngc"
     program.write_text("G21 G90 G55\nG0 X10 C0\nM30\n")
-    setup_data.save(tmp_path, FITTED)
-    where = tmp_path if folder else tmp_path / setup_data.FILE
+    where = tmp_path if folder else tmp_path / "fitting.json"
+    if folder:
+        service_store.put(tmp_path, FITTING, FITTED)
+    else:
+        where.write_text(json.dumps(FITTED))
     refused = CliRunner().invoke(app, ["explain", str(program), "--json"])
     assert refused.exit_code == 1 and "G55 is not set" in refused.output
     said = CliRunner().invoke(app, ["explain", str(program), "--fitted", str(where), "--json"])

@@ -18,7 +18,7 @@ from controller.messages import LANGUAGES
 from controller.runtime import records
 from controller.state import record_files
 from controller.state.live_state import COLUMN, ROW
-from controller.state.setpoints import ACTUAL, SETPOINTS
+from controller.state.setpoints import ACTUAL, SETPOINTS, TABLES
 from controller.verify import trace as traces
 
 RUNS = Path(__file__).parents[2] / "data" / "runs"
@@ -186,3 +186,51 @@ def test_lengths_periods_and_what_is_no_recording_are_one_sentence(
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     for words in (("export", trace, tmp_path / "t.parquet"), ("compare", trace, tmp_path / "t.parquet")):
         assert "directrix[recordings]" in told(*words)[1]["error"]
+
+
+def segmented(folder: Path, each: int) -> list[str]:
+    """A record's tables in segments of so many ticks; the names of those of the setpoints."""
+    for table in TABLES:
+        rows = table.read(folder)
+        assert rows is not None
+        (folder / table.whole).unlink()
+        for first in range(0, len(rows), each):
+            with (folder / table.name(first)).open("wb") as file:
+                table.pack(file, first, rows[first : first + each], record_files.known(folder)["id"])
+    return [segment.file.name for segment in SETPOINTS.segments(folder)]
+
+
+def test_a_spoilt_segment_is_named_and_the_rest_of_the_run_is_written(tmp_path: Path) -> None:
+    folder = Path(shutil.copytree(RUNS / "override_before_the_start", tmp_path / "override_before_the_start"))
+    whole = records.read(folder)
+    spoilt, out = segmented(folder, 300)[1], tmp_path / "r.parquet"
+    assert told("compare", folder, RUNS / folder.name)[0] == 0
+    (folder / spoilt).write_bytes((folder / spoilt).read_bytes()[:-40])
+    (folder / ACTUAL.name(600)).unlink()
+    code, found = told("export", folder, out)
+    assert code == 0 and found["partial"] and found["rows"] == whole.rows
+    where = [(one["file"], one["first_tick"], one["end_tick"]) for one in found["spoilt"]]
+    assert where == [(spoilt, 300, 600), (ACTUAL.name(600), 600, 900)]
+    assert spoilt in found["spoilt"][0]["sentence"]
+    kept, lost = records.read(out).columns, np.arange(whole.rows) // 300
+    for name, gaps in (("setpoint.X", [1]), ("actual.X", [2]), ("following_error.X", [1, 2])):
+        values, wanted = kept[name].values, whole.columns[name].values
+        assert np.array_equal(np.isnan(values), np.isin(lost, gaps)), name
+        assert np.array_equal(values[~np.isnan(values)], wanted[~np.isin(lost, gaps)]), name
+    code, found = told("compare", folder, RUNS / folder.name)
+    assert code == 0 and len(found["spoilt"]) == 2
+
+
+@pytest.mark.slow
+def test_a_run_with_a_spoilt_segment_is_judged_and_called_partial(tmp_path: Path) -> None:
+    name = "ruled_surfaces_on_an_oblique_head"
+    code, whole = told("verify", RUNS / name)
+    folder = Path(shutil.copytree(RUNS / name, tmp_path / name))
+    segmented(folder, 400)
+    file = folder / ACTUAL.name(800)
+    file.write_bytes(file.read_bytes()[:-40])
+    again, found = told("verify", folder)
+    assert again == code and (whole["partial"], found["partial"]) == (False, True)
+    (spoilt,) = found["spoilt"]
+    assert (spoilt["file"], spoilt["first_tick"], spoilt["end_tick"]) == (file.name, 800, 1200)
+    assert "where they were told" in spoilt["sentence"] and len(found["surfaces"]) == len(whole["surfaces"])

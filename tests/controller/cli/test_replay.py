@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -105,6 +106,50 @@ def test_a_record_that_is_spoilt_as_a_whole_is_told_with_the_reason(record: Path
         (record / "run.json").unlink()
     code, told = replayed(record)
     assert code == 1 and "its setpoints cannot be read (BadZipFile" in told["error"], told
+
+
+def flipped(lines: list[bytes]) -> None:
+    line = bytearray(lines[9])
+    line[30] ^= 4
+    lines[9] = bytes(line)
+
+
+def joined(lines: list[bytes]) -> None:
+    lines[9:11] = [lines[9][:-1] + b"\x8a" + lines[10]]
+
+
+def doubled(lines: list[bytes]) -> None:
+    lines.insert(9, lines[9])
+
+
+def exchanged(lines: list[bytes]) -> None:
+    lines[3], lines[9] = lines[9], lines[3]
+
+
+@pytest.mark.parametrize("hurt", [flipped, joined, doubled, exchanged])
+def test_a_spoilt_line_of_the_events_that_its_sum_mends_is_named_and_all_comes_again(
+    record: Path, hurt: Callable[[list[bytes]], None]
+) -> None:
+    lines = (record / "events.jsonl").read_bytes().splitlines(keepends=True)
+    hurt(lines)
+    (record / "events.jsonl").write_bytes(b"".join(lines))
+    code, told = replayed(record)
+    assert code == 0 and told["compared_ticks"] == told["recorded_ticks"] > 1000 and not told["partial"]
+    assert {one["file"] for one in told["spoilt"]} <= {f"events.jsonl:{n}" for n in (4, 10, 11)}
+    assert "is mended by its checksum" in told["spoilt"][0]["sentence"]
+
+
+@pytest.mark.parametrize("line", [b"", b"xyz\n"])
+def test_a_line_of_the_events_that_is_lost_is_named_and_what_comes_again_without_it_is_compared(
+    record: Path, line: bytes
+) -> None:
+    lines = (record / "events.jsonl").read_bytes().splitlines(keepends=True)
+    lines[13] = line
+    (record / "events.jsonl").write_bytes(b"".join(lines))
+    code, told = replayed(record)
+    lost = next(one for one in told["spoilt"] if one["file"] == "events.jsonl:14")
+    assert code == 0 and told["partial"] and 100 < told["compared_ticks"] == lost["first_tick"]
+    assert lost["end_tick"] == told["recorded_ticks"] and "was compared up to there" in lost["sentence"]
 
 
 def test_a_record_of_an_older_version_takes_program_and_machine_from_files(record: Path) -> None:

@@ -241,6 +241,30 @@ def test_a_unit_exposes_no_more_than_it_may(unit: str) -> None:
 
 
 @pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="no systemd here")
+@pytest.mark.parametrize("unit", LIMITS)
+def test_all_that_a_unit_does_not_close_stands_in_the_page_with_a_reason(unit: str) -> None:
+    command = [
+        "systemd-analyze",
+        "security",
+        "--offline=true",
+        "--json=short",
+        str(installation.shipped() / unit),
+    ]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    left = {
+        one["name"]
+        for one in json.loads(done.stdout)
+        if not one["set"] and float(one["exposure"] or 0.0) > 0.0
+    }
+    page = (installation.shipped() / "README.md").read_text()
+    who = {installation.SERVICE: "controller", installation.PANEL: "panel", installation.LINES: "line"}[unit]
+    rows = re.findall(r"^\| `(.+?)` \| ([\w, ]+) \| .+ \|$", page, re.MULTILINE)
+    told = {name.replace("\\|", "|") for name, of in rows if of == "all" or who in of.split(", ")}
+    assert left <= told, f"no reason for {left - told}"
+    assert told <= left, f"closed by now: {told - left}"
+
+
+@pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="no systemd here")
 def test_systemd_understands_every_word_of_the_units(tmp_path: Path) -> None:
     for file in installation.files(ON_CAN, python="/bin/true"):
         if file.path.suffix in (".service", ".target", ".conf") and "systemd" in file.path.parts:

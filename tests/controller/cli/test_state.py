@@ -4,25 +4,28 @@ from __future__ import annotations
 
 import contextlib
 import json
+import os
 import random
 import shutil
 import tarfile
+import tempfile
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from support import older_state
 from support.fakes.fake_engine import served
 from support.machines import changer_bench
 from support.suite.seed import SEED
 from typer.testing import CliRunner
 
-from controller import sealed_file
+from controller import own_database, sealed_file
 from controller.__main__ import app
 from controller.api.store import Store
 from controller.cli import recorded_runs, state
 from controller.ipc.asker import Asker
-from controller.machine import arrangement, setup_data
+from controller.machine import arrangement
 from controller.messages import message
 from controller.plan.report import stored
 from controller.runtime import events
@@ -31,11 +34,14 @@ from controller.service import runs
 from controller.service.journal import sha256
 from controller.service.requests import Requests
 from controller.state.setpoints import SETPOINTS
+from controller.store import service_store
 from controller.store.service_store import ServiceStore
+from controller.store.set_up_store import FITTING
 from controller.verify.console import Refused
 from drives.arranged import Arranged
 
 MACHINE = changer_bench.machine()
+NOBODY = 65534
 NET = Path(__file__).parents[2] / "data" / "net"
 
 
@@ -46,7 +52,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     service = served(folder, MACHINE)
     state = service.state
     for number in (1.0, 2.0):
-        setup_data.save(state, {"parameters": {"500": number}})
+        service_store.put(state, FITTING, {"parameters": {"500": number}})
     service.alarms.add("TEST", message("stopped"))
     assert service.changer is not None
     service.changer.store.confirm({1: 1, 2: 0})
@@ -89,8 +95,6 @@ def test_what_is_whole_is_ok_and_nothing_is_changed(copied: Path) -> None:
     }
     found = {one["file"]: one["condition"] for one in asked(copied, 0)}
     wanted = {
-        "fitting.json",
-        "fitting.json.before",
         "machine.json",
         "service.sqlite",
         "panel/store.sqlite",
@@ -125,16 +129,18 @@ def test_every_file_that_it_lists_is_damaged_by_a_bit_and_then_alone(copied: Pat
     program.write_bytes(b"M2\n")
     program.with_name("events.jsonl").write_bytes(b"")  # cut short where no line shows it
     (damaged,) = (one for one in asked(copied, 1) if one["condition"] == "damaged")
-    assert damaged["file"].endswith("events.jsonl") and "0" in damaged["why"]
+    assert damaged["file"].endswith("events.jsonl") and damaged["why"]
 
 
 def test_a_file_that_is_gone_beside_the_one_before_it_is_damaged(copied: Path) -> None:
+    older_state.write(copied / "fitting.json", {})
+    older_state.write(copied / "fitting.json", {})
     (copied / "service.sqlite.before").write_bytes((copied / "service.sqlite").read_bytes())
     for name in ("fitting.json", "service.sqlite"):
         (copied / name).unlink()
         assert name in {one["file"] for one in asked(copied, 1) if one["condition"] == "damaged"}
-        (copied / f"{name}.before").unlink()
-        assert name not in {one["file"] for one in asked(copied, 0)}
+        shutil.move(copied / f"{name}.before", copied / name)
+    assert asked(copied, 0)
 
 
 def test_a_row_and_what_was_written_ahead_are_looked_at(copied: Path) -> None:
@@ -152,8 +158,6 @@ def test_a_row_and_what_was_written_ahead_are_looked_at(copied: Path) -> None:
 
 
 def test_older_files_are_said_to_be_older_in_words_too(copied: Path) -> None:
-    for name in ("fitting.json", "fitting.json.before", "sealed"):
-        (copied / name).unlink()
     (copied / "fitting.json").write_text('{"parameters": {"500": 1.0}}')
     assert {one["file"] for one in asked(copied, 0) if one["condition"] == "older"} == {"fitting.json"}
     (copied / "usage.json").write_text("{")
@@ -222,17 +226,58 @@ def test_a_segment_of_a_record_is_named_that_is_damaged_or_gone(copied: Path) ->
     assert [one["file"] for one in found] == names and found[0]["why"] == "it is missing"
 
 
+def test_a_store_that_is_gone_with_its_copy_is_damaged(copied: Path) -> None:
+    for file in copied.glob("service.sqlite*"):
+        file.unlink()
+    assert [one["file"] for one in asked(copied, 1) if one["condition"] == "damaged"] == ["service.sqlite"]
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="needs root, to become another user")
+def test_who_may_only_read_a_store_is_told_what_is_true_of_it(whole: Path) -> None:
+    """As another user: nothing of root is left in a child."""
+    with tempfile.TemporaryDirectory(dir="/tmp") as made:
+        os.chmod(made, 0o755)
+        folder = Path(shutil.copytree(whole, Path(made) / "state"))
+        service_store.put(folder, "probed", [])
+        killed = own_database.opened(folder / "service.sqlite")  # what is written ahead stays
+        killed.execute("UPDATE starts SET count = count")
+        for path in (folder, *folder.rglob("*")):
+            path.chmod(0o755 if path.is_dir() else 0o644)
+        before = {path: path.stat().st_mtime_ns for path in folder.rglob("*")}
+        assert conditions(folder)["service.sqlite"] == "ok"
+        (folder / "service.sqlite").chmod(0o600)
+        assert conditions(folder)["service.sqlite"] == "unread"
+        assert {path: path.stat().st_mtime_ns for path in folder.rglob("*")} == before
+        killed.close()
+
+
+def conditions(folder: Path) -> dict[str, str]:
+    """What one finds who is neither root nor the owner."""
+    ours, theirs = os.pipe()
+    if (child := os.fork()) == 0:
+        os.setgroups([])
+        os.setgid(NOBODY)
+        os.setuid(NOBODY)
+        found = {one.file: one.condition for one in state.look(folder)}
+        os.write(theirs, json.dumps(found).encode())
+        os._exit(0)
+    os.close(theirs)
+    assert os.waitpid(child, 0)[1] == 0
+    with os.fdopen(ours) as found:
+        return dict(json.loads(found.read()))
+
+
 def test_requests_are_listed_newest_first(copied: Path) -> None:
     with contextlib.closing(ServiceStore(copied)) as store:
         noted = Requests(store)
         for user in ("anna", "[red]"):
-            with noted.noted("hold", {"press": "a"}, Asker(user, "operate", "10.0.0.7"), "directrix-panel"):
-                pass
+            with noted.noted("hold", {"press": "a"}, Asker(user, "operate", "10.0.0.7"), "panel") as hear:
+                hear({})
         noted.close()
     words = ["state", "requests", "--state", str(copied)]
     told = json.loads(CliRunner().invoke(app, [*words, "--json"]).stdout)
     assert [row["user"] for row in told["requests"]] == ["[red]", "anna"]
-    assert told["requests"][0]["peer"] == "directrix-panel"
+    assert told["requests"][0]["peer"] == "panel"
     shown = CliRunner().invoke(app, words).stdout
     assert "anna" in shown and "[red]" in shown and "10.0.0.7" in shown
     assert CliRunner().invoke(app, [*words[:-1], str(copied / "none")]).exit_code == 1

@@ -19,6 +19,7 @@ from controller.api import notice_settings
 from controller.api.store import Store
 from controller.cli import internal_error, redaction, support
 from controller.machine import machine_file, setup_data
+from controller.store import service_store
 
 WEBHOOK, PASSWORD, OUTSIDE = "https://chat.example/hooks/k3y-of-hook", "pass-of-mail", "what-is-elsewhere"
 
@@ -32,7 +33,7 @@ def state_of_a_shop(folder: Path) -> list[bytes]:
     scene.store.audit.add("anna", "10.0.0.7", "log in", "", True)
     scene.store.runs.end(scene.store.runs.begin("part.ngc", "0" * 64), "completed")
     setup_data.note(folder, machine_file.load("trunnion"))
-    (folder / "journal.json").write_text("{}")
+    service_store.put(folder, "journal", {"format": 1})
     run = folder / "runs" / "0001"
     run.mkdir(parents=True)
     (run / "run.json").write_text('{"result": "completed"}')
@@ -54,7 +55,7 @@ def test_what_helps_is_in_it_and_no_secret(tmp_path: Path) -> None:
     (state / "runs" / "0002").symlink_to(tmp_path / "outside")
     os.symlink(tmp_path / "outside" / "key", state / "runs" / "0001" / "planted.json")
     parts = written(state, tmp_path / "case.zip")
-    assert {"facts.json", "host.json", "machine.toml", "state/journal.json", "store.json"} <= set(parts)
+    assert {"facts.json", "host.json", "machine.toml", "state/service.json", "store.json"} <= set(parts)
     assert parts["runs/0001/run.json"] == b'{"result": "completed"}'
     assert json.loads(parts["store.json"])["runs"][0]["program"] == "part.ngc"
     assert machine_file.read(parts["machine.toml"].decode(), "machine.toml").name

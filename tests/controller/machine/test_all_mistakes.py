@@ -69,6 +69,8 @@ CAUSES = [
     (("counts_per_rev = 4096", "counts_per_rev = true"), ["counts_per_rev"]),
     (("direction = [1, 0, 0]", "direction = [0, 0, 0]"), ["direction"]),
     (("[machine]", "[machin]"), ["machine"]),
+    (("node = 1\n", "node = 1\nload_encoder = { tpdo = 3, node = 2, most_off_mm = 1 }\n"), ["node"]),
+    (("travel_mm = [-300.0, 300.0]", "travel_mm = [300.0, -300.0]"), ["travel_mm"]),
     (("number = 1\n", ""), ["number"]),
 ]
 

@@ -86,7 +86,10 @@ def test_a_wrong_value_of_every_key_is_refused_with_its_line_and_nothing_else_is
 
 
 # Tables that the file has under heads of their own.
-TABLES = {"analogue_out", "inverter", "m_codes", "modbus", "override", "pitch", "prepare", "put_away", "take"}
+TABLES = {
+    *("analogue_out", "gear", "inverter", "m_codes", "modbus", "override", "pitch"),
+    *("prepare", "put_away", "take"),
+}
 
 
 def test_the_reference_names_every_kinematics_that_there_is() -> None:

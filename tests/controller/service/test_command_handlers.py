@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import math
 import re
 import threading
@@ -27,13 +26,13 @@ from controller.messages import message
 from controller.plan.restart.program_position import FORMER, Spot
 from controller.service import acknowledged, jobs, journal, sequences, whole_status
 from controller.service.command_handlers import CommandHandlers
-from controller.service.owners import JOURNAL
 from controller.service.service import Service
 from controller.service.set_up import Fitted
 from controller.service.thread_guard import InThread
 from controller.service.watchdog import LastSecond, Pulse
 from controller.state.modes import Fault, Mode, Request, sentence
 from controller.state.requests import Outcome, answer
+from controller.store import set_up_store
 
 TEXT = "G21 G90 G54\nG1 X10. F3000\nG1 X20.\nM30\n"
 TOOL = {"number": 2, "name": "", "radius_mm": 1.4, "length_mm": 8.0, "flute_mm": 15.0}
@@ -690,19 +689,19 @@ def test_what_a_plan_left_in_the_tick_when_it_died_is_dropped_before_the_next_st
 def test_two_changes_at_once_are_both_kept(
     desk: CommandHandlers, service: Service, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    save, both = setup_data.save, threading.Barrier(2, timeout=0.2)
+    put, both = service.store.put, threading.Barrier(2, timeout=0.2)
 
-    def slow(state: Path, values: setup_data.Values) -> None:
+    def slow(name: str, values: Any) -> None:
         with contextlib.suppress(threading.BrokenBarrierError):
             both.wait()  # each with what the other has not written yet, where they may
-        save(state, values)
+        put(name, values)
 
-    monkeypatch.setattr(setup_data, "save", slow)
+    monkeypatch.setattr(service.store, "put", slow)
     asked = [desk("set_offset", {"name": "G55", "values": [1.0, 2.0, 3.0]}), desk("set_tool", dict(TOOL))]
     for one in asked:
         assert isinstance(one, Future)
         one.result(HANGS_S)
-    kept = json.loads((service.state / setup_data.FILE).read_text())
+    kept = set_up_store.load(service.state)
     assert kept["offsets"]["G55"] == [1.0, 2.0, 3.0] and kept["tools"]["2"]["length_mm"] == 8.0
     assert service.set_up.machine.offsets[1].origin == (1.0, 2.0, 3.0)
     tool = service.set_up.machine.tool(2)
@@ -713,17 +712,17 @@ def test_a_start_during_a_change_runs_with_what_was_changed(
     desk: CommandHandlers, service: Service, engine: FakeEngine, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     loaded(desk, service)
-    save, writing, go = setup_data.save, threading.Event(), threading.Event()
+    put, writing, go = service.store.put, threading.Event(), threading.Event()
 
-    def slow(state: Path, values: setup_data.Values) -> None:
+    def slow(name: str, values: Any) -> None:
         writing.set()
         go.wait(HANGS_S)
-        save(state, values)
+        put(name, values)
 
     armed: list[Any] = []
     arm = engine.answers["arm"]
     engine.answers["arm"] = lambda **more: (armed.append(more["program"]), arm(**more))[1]
-    monkeypatch.setattr(setup_data, "save", slow)
+    monkeypatch.setattr(service.store, "put", slow)
     change = desk("set_offset", {"name": "G54", "values": [1.0, 2.0, 3.0]})
     assert writing.wait(HANGS_S)
     start = desk("start", {})
@@ -741,7 +740,7 @@ def interrupted(service: Service) -> None:
     in_block = {"what": "line", "fraction": 0.25, "u": None}
     known = (40.0, 100.0, 47.5, in_block)  # s of a whole run before it, and in all; elapsed
     entry = journal.Entry(job, Spot(3, 0.5, 7, 12.0), True, 1, "READY", "NONE", 31, 0.0, False, *known)
-    journal.write(entry, service.state / JOURNAL)
+    journal.write(entry, service.store)
     service.journal.last = entry
 
 
@@ -820,7 +819,7 @@ def test_what_calls_files_and_skips_lines_is_gone_on_with_as_it_was_begun(
         0.0,
         False,
     )
-    journal.write(entry, service.state / JOURNAL)
+    journal.write(entry, service.store)
     after = served(tmp_path)
     assert whole_status.status(after)["job"]["block_delete"] is True
     offer = done(CommandHandlers(after), "restart")
@@ -834,9 +833,9 @@ def test_what_calls_files_and_skips_lines_is_gone_on_with_as_it_was_begun(
 
 def test_what_came_to_its_end_is_not_told_of_after_a_return(service: Service, tmp_path: Path) -> None:
     interrupted(service)
-    entry, _ = journal.read(service.state / JOURNAL)
+    entry = journal.read(service.store)
     assert entry is not None
-    journal.write(replace(entry, ended=True), service.state / JOURNAL)
+    journal.write(replace(entry, ended=True), service.store)
     assert whole_status.status(served(tmp_path))["job"] is None
 
 

@@ -32,6 +32,7 @@ from controller.runtime.plan_messages import MotionFacts
 from controller.service import status, touch_off
 from controller.service.command_handlers import CommandHandlers
 from controller.state.modes import ALL_AXES, Mode
+from controller.store import set_up_store
 
 NAMES = (*SHIPPED, "three_axes", "machining_centre", "xyzac_linuxcnc", "shop")
 DIALECTS = ("rs274", "fanuc")
@@ -289,7 +290,7 @@ def test_touched_off_by_the_service_the_figures_of_its_status_read_so(tmp_path: 
     assert work("Z") == pytest.approx(0.25)
     (row,) = [one for one in setup_data.tools_of(service.set_up.machine) if one["number"] == 2]
     assert row["wear_length_mm"] == 0.0 and row["flute_mm"] == machine.tools[1].flute_mm
-    kept = setup_data.applied(service.set_up.file, setup_data.load(service.state))
+    kept = setup_data.applied(service.set_up.file, set_up_store.load(service.state))
     assert kept.tool(2) == service.set_up.machine.tool(2) and kept.offset(1) == service.set_up.machine.offset(
         1
     )

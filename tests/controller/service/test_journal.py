@@ -1,9 +1,8 @@
-"""The journal: one file, whole or not at all, and when a restart may be offered."""
+"""The journal: kept whole or not at all, and when a restart may be offered."""
 
 from __future__ import annotations
 
-import json
-import random
+import sqlite3
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,7 +10,6 @@ import numpy as np
 import pytest
 from support.machines.stepped_runs import shipped
 
-from controller import atomic_file
 from controller.ipc.handoff import blank
 from controller.machine.offset_table import OFFSETS
 from controller.messages import text
@@ -19,6 +17,8 @@ from controller.plan.restart.program_position import FORMER, Spot
 from controller.service import journal
 from controller.service.journal import Entry, Job, RunProgress
 from controller.state.modes import Fault, Mode
+from controller.store import service_store
+from controller.store.service_store import ServiceStore
 
 HOME = (0.0, 0.0, 260.0, 0.0, 0.0)
 ALL = 0b11111
@@ -34,8 +34,9 @@ def entry() -> Entry:
 
 def test_what_is_written_is_read_back_bit_for_bit(tmp_path: Path) -> None:
     kept = replace(entry(), spot=Spot(3, 1.0 / 3.0, 7, 0.1 + 0.2))
-    journal.write(kept, tmp_path / "state" / "journal.json")
-    assert journal.read(tmp_path / "state" / "journal.json") == (kept, None)
+    store = ServiceStore(tmp_path)
+    journal.write(kept, store)
+    assert journal.read(store) == kept
 
 
 def test_places_for_offsets_that_came_later_change_no_sum_until_one_is_set() -> None:
@@ -48,44 +49,36 @@ def test_places_for_offsets_that_came_later_change_no_sum_until_one_is_set() -> 
     assert journal.fitted_sha256(turned) != journal.fitted_sha256(older)
 
 
-def test_a_journal_that_cannot_be_replaced_leaves_the_old_one_and_nothing_beside_it(
+def test_a_journal_that_cannot_be_replaced_stays_as_it_was(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    file = tmp_path / "journal.json"
-    journal.write(entry(), file)
+    store = ServiceStore(tmp_path)
+    journal.write(entry(), store)
 
-    def full(descriptor: int) -> None:
-        raise OSError(28, "No space left on device")
+    def full(*_: object) -> None:
+        raise sqlite3.OperationalError("disk I/O error")
 
-    monkeypatch.setattr(atomic_file.os, "fsync", full)
-    with pytest.raises(OSError):
-        journal.write(replace(entry(), tool=3), file)
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["journal.json", "journal.json.before"]
-    assert journal.read(file)[0] == entry()
+    with monkeypatch.context() as patched:
+        patched.setattr(service_store, "put_document", full)
+        kept = journal.Journal(store, last=replace(entry(), tool=3))
+        kept.keep()
+        assert str(store.file) in kept.problem
+    assert journal.read(store) == entry()
+    kept.keep()
+    assert kept.problem == "" and journal.read(store) == kept.last
 
 
 def test_without_a_journal_there_is_nothing_to_offer_and_no_complaint(tmp_path: Path) -> None:
-    assert journal.read(tmp_path / "journal.json") == (None, None)
+    store = ServiceStore(tmp_path)
+    assert journal.read(store) is None and store.losses == []
     assert "no interrupted program" in text(journal.refusal(None, job(), ALL, 0, 5))
 
 
-@pytest.mark.parametrize("seed", range(20))
-def test_a_damaged_journal_is_told_in_a_sentence(seed: int, tmp_path: Path) -> None:
-    rng, file = random.Random(seed), tmp_path / "journal.json"
-    journal.write(entry(), file)
-    kept = file.read_text()
-    cut = rng.randrange(len(kept))
-    file.write_text(rng.choice([kept[:cut], kept[:cut] + "\0" + kept[cut:], "[]", '{"format": 1}', "null"]))
-    found, why = journal.read(file)
-    assert found is None and str(file) in text(why)
-
-
-def test_a_journal_of_another_format_is_not_read(tmp_path: Path) -> None:
-    file = tmp_path / "journal.json"
-    journal.write(entry(), file)
-    values = json.loads(file.read_text())
-    file.write_text(json.dumps(values | {"format": 99}))
-    assert journal.read(file)[0] is None
+@pytest.mark.parametrize("values", [[], {"format": 1}, {"format": 99}, None, "7"])
+def test_a_journal_that_is_none_is_told_in_a_sentence(values: object, tmp_path: Path) -> None:
+    store = ServiceStore(tmp_path)
+    store.put(journal.DOCUMENT, values)
+    assert journal.read(store) is None and "journal" in text(store.losses[0])
 
 
 @pytest.mark.parametrize(
@@ -126,15 +119,15 @@ class Looked:
     """A journal with a clock and a snapshot that a test moves."""
 
     def __init__(self, folder: Path) -> None:
-        self.file, self.now_s = folder / "journal.json", 0.0
-        self.journal = journal.Journal(self.file, lambda: self.now_s)
+        self.store, self.now_s = ServiceStore(folder), 0.0
+        self.journal = journal.Journal(self.store, lambda: self.now_s)
         self.journal.begin(job())
         self.snapshot = blank()._replace(at_rest=False, homed=ALL, motion_id=5, line=19)
 
     def look(self, fraction: float = 0.0, **changes: object) -> Entry | None:
         self.snapshot = self.snapshot._replace(**changes)  # type: ignore[arg-type]
         self.journal.look(self.snapshot, lambda _: np.zeros((0, 1)), lambda *_: RunProgress(fraction))
-        return journal.read(self.file)[0]
+        return journal.read(self.store)
 
     def run(self, length: float) -> None:
         for s in np.arange(self.snapshot.s, self.snapshot.s + length, 0.1):
@@ -172,8 +165,8 @@ def test_a_program_that_came_to_its_end_is_not_offered_again(tmp_path: Path) -> 
     standing = looked.look(mode=Mode.READY, at_rest=True)
     assert standing is not None and not standing.ended
     looked.journal.completed(looked.snapshot)
-    entry, _ = journal.read(looked.file)
+    entry = journal.read(looked.store)
     assert entry is not None and entry.ended
     assert "no interrupted program" in text(journal.refusal(entry, job(), ALL, 0, 5))
     looked.look()
-    assert journal.read(looked.file)[0] == entry, "looks after that leave it so"
+    assert journal.read(looked.store) == entry, "looks after that leave it so"

@@ -15,6 +15,7 @@ import pytest
 from support.live.served_machine import Serving, calm, serving
 
 from controller.state.setpoints import SETPOINTS
+from controller.store import set_up_store
 
 pytestmark = [pytest.mark.slow, pytest.mark.live, pytest.mark.calm]
 
@@ -169,7 +170,7 @@ def test_offsets_and_tools_change_at_rest_and_last(service: Serving) -> None:
     facts = service.ask("facts")
     assert facts["offsets"]["G55"]["origin_mm"] == [1.0, 2.0, 3.0]
     assert [tool["radius_mm"] for tool in facts["tools"] if tool["number"] == 7] == [2.0]
-    kept = json.loads((service.state / "fitting.json").read_text())
+    kept = set_up_store.load(service.state)
     assert kept["offsets"]["G55"] == [1.0, 2.0, 3.0] and kept["tools"]["7"]["length_mm"] == 40.0
     for verb, args in (
         ("set_offset", {"name": "G60", "values": [0, 0, 0]}),

@@ -9,12 +9,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from support import older_state
 from support.fakes.fake_engine import served
 from support.machines.stored_tools import StoredTools
 
 from controller import own_database, sealed_file, sealed_rows
 from controller.service import older_files
-from controller.store import tool_store
+from controller.service.thread_guard import UNKNOWN, InThread
+from controller.store import set_up_store, tool_store
 from controller.store.service_store import ServiceStore, document_of
 from controller.store.tool_store import Step, ToolStore
 
@@ -30,9 +32,9 @@ USED = {
 
 def write(state: Path, *alarms: dict[str, Any]) -> None:
     state.mkdir(exist_ok=True)
-    sealed_file.write(state / "usage.json", USED)
-    sealed_file.write(state / "probed.json", [BORE])
-    sealed_file.write(state / "durations.json", {"Grip": [0.8, 0.9]})
+    older_state.write(state / "usage.json", USED)
+    older_state.write(state / "probed.json", [BORE])
+    older_state.write(state / "durations.json", {"Grip": [0.8, 0.9]})
     (state / "alarms.jsonl").write_text("".join(sealed_file.line(one) for one in alarms or (ALARM,)))
 
 
@@ -84,7 +86,7 @@ def test_touches_of_each_version_before_are_taken_over(tmp_path: Path) -> None:
         if name == "touches.csv":
             (state / name).write_text("line,X\n5,1.0\n")
         else:
-            sealed_file.write(state / name, lines)
+            older_state.write(state / name, lines)
         store = ServiceStore(state)
         assert older_files.take_over(store, state) == [] and document_of(state, "touches") == lines
         assert (state / f"{name}.older").exists() and not (state / name).exists()
@@ -106,7 +108,7 @@ def test_a_file_of_before_that_is_not_sound_is_put_aside_and_reported(
 
 def test_of_a_damaged_file_of_before_the_generation_before_it_counts(tmp_path: Path) -> None:
     write(tmp_path)
-    sealed_file.write(tmp_path / "usage.json", {**USED, "hours": {"motion": 9.0}})
+    older_state.write(tmp_path / "usage.json", {**USED, "hours": {"motion": 9.0}})
     text = (tmp_path / "usage.json").read_text()
     (tmp_path / "usage.json").write_text(text.replace("9.0", "8.0"))
     store = ServiceStore(tmp_path)
@@ -125,7 +127,7 @@ def test_an_alarm_of_before_that_cannot_be_read_costs_no_other(tmp_path: Path) -
 
 def test_no_flip_of_a_bit_changes_what_an_alarm_of_before_says(tmp_path: Path) -> None:
     write(tmp_path)
-    sealed_file.adopt(tmp_path, ["alarms.jsonl"])
+    sealed_file.mark(tmp_path, ["alarms.jsonl"])
     file = tmp_path / "alarms.jsonl"
     whole = file.read_bytes()
     for at in range(8 * len(whole)):
@@ -202,3 +204,42 @@ def test_what_is_no_place_of_a_tool_is_put_aside(tmp_path: Path, more: str | Non
     (loss,) = older_files.take_over(store, tmp_path)
     assert loss["key"] == "file_damaged" and (tmp_path / "tools.db.damaged1").exists()
     assert not ToolStore(store).known and ToolStore(store).places == {}
+
+
+FITTED = {"offsets": {"G55": {"origin_mm": [1.0, 2.0, 3.0]}}}
+TAPPED = {"turns": 7.4, "pitch_mm": 1.0, "line": 12, "program": "plate.ngc"}
+
+
+def write_set_up(state: Path, *, last: bool = True) -> None:
+    """What was set up, an earlier one first; then, without ``last``, the newest of each is damaged."""
+    state.mkdir(exist_ok=True)
+    for tool in (4, 2):
+        older_state.write(state / "fitting.json", {**FITTED, "parameters": {"500": float(tool)}})
+        older_state.write(state / "in_spindle", tool)
+        older_state.write(state / "thread.json", TAPPED)
+    for name in () if last else ("fitting.json", "in_spindle", "thread.json"):
+        (state / name).write_bytes((state / name).read_bytes()[:-9])
+
+
+def test_what_was_set_up_and_a_tool_in_a_thread_are_known_as_before(tmp_path: Path) -> None:
+    state = tmp_path / "state"
+    write_set_up(state)
+    assert set_up_store.load(state)["parameters"] == {"500": 2.0}, "also before a service has taken it over"
+    for _ in range(2):
+        service = served(tmp_path)
+        assert service.set_up.fitted == {**FITTED, "parameters": {"500": 2.0}} == set_up_store.load(state)
+        assert service.set_up.tool == 2 and service.thread.found == InThread(*TAPPED.values())
+        assert service.alarms.list() == []
+        service.close()
+    assert not {"fitting.json", "in_spindle", "thread.json"} & {path.name for path in state.iterdir()}
+
+
+def test_of_what_was_set_up_the_one_before_counts_but_never_of_tool_and_thread(tmp_path: Path) -> None:
+    state = tmp_path / "state"
+    write_set_up(state, last=False)
+    service = served(tmp_path)
+    assert service.set_up.fitted["parameters"] == {"500": 4.0}
+    assert service.set_up.tool == 0 and service.thread.found == UNKNOWN
+    keys = sorted(alarm["key"] for alarm in service.alarms.list())
+    assert keys == ["file_before", "file_damaged", "file_damaged"]
+    service.close()

@@ -8,6 +8,7 @@ import json
 import os
 import socket
 from collections.abc import Iterator
+from concurrent.futures import Future
 from pathlib import Path
 from typing import Any
 
@@ -129,6 +130,20 @@ def test_what_is_sent_while_a_key_is_held_is_noted_once_and_no_flood_is_kept(
             desk.client.ask_for(Asker(f"user{number}"), "hold", {})
     desk.rows()
     assert len(desk.rows()) <= 50 and desk.rows()[-1]["user"] == "user119"
+
+
+def test_what_is_refused_after_its_answer_was_promised_is_noted_so(desk: Desk) -> None:
+    for error, code in ((CommandRefused("refused", "No."), "refused"), (KeyError("x"), "error"), (None, "")):
+        promise: Future[dict[str, Any]] = Future()
+        with desk.requests.noted("hold", {}, Asker("anna"), "panel") as hear:
+            hear(promise)
+        before = desk.rows()
+        assert before[-1]["refused"] == ""
+        if error is None:
+            promise.set_result({})
+        else:
+            promise.set_exception(error)
+        assert [row["refused"] for row in desk.rows()[len(before) :]] == ([code] if code else [])
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="a second user takes root to make")

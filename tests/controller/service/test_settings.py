@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from support.live.served_machine import Serving, Values, calm, serving
 
-from controller import own_database, sealed_file
-from controller.store import service_store
+from controller import own_database
+from controller.store import service_store, set_up_store
 
 pytestmark = [pytest.mark.slow, pytest.mark.live, pytest.mark.calm]
 
@@ -43,8 +43,7 @@ def options(folder: Path) -> tuple[str, str]:
 
 
 def fitted(service: Serving) -> Values:
-    file = service.state / "fitting.json"
-    return dict(sealed_file.read(file)) if file.exists() else {}
+    return set_up_store.load(service.state)
 
 
 def probed_on_disk(service: Serving) -> bool:

@@ -51,7 +51,7 @@ def test_the_newest_is_there_and_one_before(folder: Path) -> None:
     with contextlib.closing(ServiceStore(folder)) as store:
         store.put("usage", {"n": 3})
         rows = store.rows("SELECT generation, value FROM documents ORDER BY generation")
-        assert rows == [(2, '{"n": 2}'), (3, '{"n": 3}')]
+        assert rows == [(3, '{"n": 2}'), (4, '{"n": 3}')]
         assert value(store, "other") is NONE and not store.has("other") and store.has("usage")
 
 
@@ -86,8 +86,8 @@ def changed(folder: Path, statement: str) -> None:
 @pytest.mark.parametrize(
     ("statement", "found"),
     [
-        ("UPDATE documents SET value = '{\"n\": 5}' WHERE generation = 2", {"n": 1}),
-        ("DELETE FROM documents WHERE generation = 2", {"n": 1}),
+        ("UPDATE documents SET value = '{\"n\": 5}' WHERE generation = 3", {"n": 1}),
+        ("DELETE FROM documents WHERE generation = 3", {"n": 1}),
         ("UPDATE documents SET value = '{\"n\": 5}'", NONE),
         ("UPDATE alarms SET facts = '{}'", {"n": 2}),
         ("UPDATE starts SET count = 0", {"n": 2}),
@@ -106,7 +106,7 @@ def test_rows_that_are_not_as_they_were_written_are_taken_out_and_reported_once(
 def test_what_is_damaged_while_it_runs_is_found_by_a_look(folder: Path) -> None:
     with contextlib.closing(ServiceStore(folder)) as store:
         assert store.check() == []
-        changed(folder, "UPDATE documents SET value = '{\"n\": 5}' WHERE generation = 2")
+        changed(folder, "UPDATE documents SET value = '{\"n\": 5}' WHERE generation = 3")
         (loss,) = store.check()
         assert loss["key"] == "store_damaged" and value(store) == {"n": 1} and store.check() == []
 
@@ -229,3 +229,19 @@ def test_nobody_else_is_needed_to_read_it(folder: Path) -> None:
         assert sql.execute(newest).fetchone() == ('{"n": 2}',)
         store.put("usage", {"n": 3})
         assert sql.execute(newest).fetchone() == ('{"n": 2}',), "all that is read is of one moment"
+
+
+@pytest.mark.parametrize("how", [os.unlink, lambda file: os.truncate(file, 0)])
+def test_a_store_that_is_gone_with_its_copy_is_not_taken_for_a_new_machines(folder: Path, how: Any) -> None:
+    for file in [folder / name for name in own_files.names(folder) if name.startswith(FILE)]:
+        how(file)
+    found, keys = lost(folder)
+    assert found is NONE and keys[-1] in ("file_gone", "file_damaged")
+    assert lost(folder) == (NONE, []), "it is said once"
+
+
+def test_nobody_but_the_owners_group_reads_the_store_or_a_copy_of_it(folder: Path) -> None:
+    changed(folder, "UPDATE alarms SET facts = '{}'")
+    assert lost(folder)[1]
+    modes = {file.name: file.stat().st_mode & 0o777 for file in folder.glob(f"{FILE}*")}
+    assert set(modes) >= {FILE, COPY, f"{FILE}.damaged1"} and set(modes.values()) == {0o640}, modes

@@ -24,7 +24,9 @@ def test_a_backup_is_saved_by_a_button_and_listed_with_its_date(page: Any, site:
         row.locator("a").click()
     assert waiting.value.suggested_filename == made["name"]
     told = page.inner_text("#backup-restore")
-    assert told == f"directrix backup restore {site.folder}/backups/{made['name']} --state {site.folder}"
+    assert (
+        told == f"directrix backup restore {site.folder}/panel/backups/{made['name']} --state {site.folder}"
+    )
     assert "command line only" in page.inner_text(".setup .restore")
 
 

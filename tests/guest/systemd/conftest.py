@@ -18,7 +18,7 @@ if HERE:
     def installed() -> Iterator[None]:
         """The services, installed for the shipped machine on vcan0; nothing runs yet."""
         services.prepare()
-        services.directrix("service", "install", "--machine", str(services.MACHINE))
+        services.directrix("service", "install", "--unlocked", "--machine", str(services.MACHINE))
         # Before the panel makes the store: root's must be one that the panel can write.
         services.directrix("tokens", "add", "root", "--state", str(services.STATE))
         yield

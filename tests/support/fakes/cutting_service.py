@@ -22,8 +22,8 @@ from controller.machine import machine_file
 from controller.plan.report.passing import OWN
 from controller.plan.restart.program_position import LinePart
 from controller.runtime.plan_messages import MotionFacts
+from controller.service import journal
 from controller.service.command_handlers import CommandHandlers
-from controller.service.owners import JOURNAL
 from controller.service.service import Service
 from controller.service.socket_server import Server
 from controller.service.whole_status import Kept
@@ -66,7 +66,7 @@ def cut(service: Service) -> None:
 def main() -> None:
     folder = Path(sys.argv[1])
     service = served(folder)
-    if not (service.state / JOURNAL).exists():
+    if not service.store.has(journal.DOCUMENT):
         cut(service)
     Kept(service).begin()
     with_door = Server(control_path(folder), CommandHandlers(service))

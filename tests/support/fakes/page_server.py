@@ -23,6 +23,7 @@ from controller.api.app_state import Panel
 from controller.api.checker import Checker
 from controller.api.http import make_app
 from controller.api.programs import Program, ProgramCheck
+from controller.api.quotas import Owner
 from controller.api.store import Store
 from controller.ipc.handoff import blank
 from controller.machine import machine_file, setup_data
@@ -225,8 +226,11 @@ class ToldChecker(Checker):
     def __init__(self, store: Store) -> None:
         self._store, self._share = store, 0.0
 
-    def ask(self, program: Program) -> None:
+    def ask(self, program: Program, owner: Owner | None = None) -> None:
         """Nothing is left to be done."""
+
+    def waiting(self, owner: Owner) -> int:
+        return 0
 
     def look(self) -> None:
         """Nothing comes by other ways."""

@@ -19,7 +19,8 @@ from support.live import shop
 from support.live.shop import ROOT, Shop
 from support.suite.cyclictest import Absence
 
-from controller.machine import setup_data
+from controller.store import service_store
+from controller.store.set_up_store import SPINDLE
 from drives import pdo
 from drives.ports import hub_protocol
 from drives.ports.hub_protocol import FILTER, FILTERED, TIMED, TIMES_FRAME
@@ -38,7 +39,7 @@ Rows = npt.NDArray[np.float64]
 def opened(folder: Path) -> Iterator[Shop]:
     """Homed and enabled, with Example 2's tool in the spindle and its program stored; ``folder`` is empty."""
     (folder / "state").mkdir()
-    setup_data.put_in(folder / "state", TOOL)
+    service_store.put(folder / "state", SPINDLE, TOOL)
     with shop.opened(folder, PERIOD_S, machine=MACHINE) as running:
         running.ready()
         running.upload(PART, TEXT)

@@ -19,7 +19,7 @@ from controller.cli import demo
 from controller.cli.demo import Operator
 from controller.ipc.control_socket import Client, CommandRefused
 from controller.ipc.handoff import COLUMN, Recorder, Snapshot
-from controller.machine import machine_file, setup_data
+from controller.machine import machine_file
 from controller.machine.kinematics import Kinematics, kinematics_of
 from controller.machine.model import Joints, Machine
 from controller.motion.motions import SurfaceCut
@@ -31,6 +31,8 @@ from controller.runtime.startup import SessionError
 from controller.service.folders import Folders
 from controller.service.service import Service
 from controller.state.modes import Mode
+from controller.store import service_store
+from controller.store.set_up_store import SPINDLE
 from controller.verify.console import Refused
 from drives import bus, pdo
 
@@ -101,7 +103,7 @@ def session(text: str, machine: Machine | None = None) -> Iterator[Live]:
         part = folder / "part.ngc"
         part.write_text(text)
         if asked := re.search(r"T(\d+) *M6", text):
-            setup_data.put_in(folder, int(asked[1]))
+            service_store.put(folder, SPINDLE, int(asked[1]))
         with demo.served(machine or shipped(), Folders.within(folder), folder / "run") as (service, client):
             yield Live(service, client, part)
 

@@ -11,19 +11,39 @@ from pathlib import Path
 EVERY = Path(__file__).parents[2] / "controller" / "machine" / "every_key.toml"
 TEXT = EVERY.read_text()
 _BEFORE, _, _REST = TEXT.partition("[spindle]\n")
+_FEEDBACK = (
+    "channel = 1, index = 0x6401, bits = 16, tpdo = 2, zero_counts = 0, full_counts = 300, pulses_per_rev = 0"
+)
+_LINES = _REST[_REST.index("[io]") :].replace(
+    "outputs = {", "outputs = { spindle_run = 30, fork = 29, lever = 28,", 1
+)
+_LINES = _LINES.replace("inputs = {", "inputs = { shifted = 30,", 1)
 BY_INVERTER = f"""{_BEFORE}[spindle]
 max_rev_min = 12000
 by = "inverter"
 
 [spindle.inverter]
 channel = 4
+index = 0x6411
+bits = 16
+feedback = {{ {_FEEDBACK} }}
 full_rev_min = 12000.0
 zero_counts = 0
 full_counts = 30000
 signed = false
 settle_s = 0.5
 
-{_REST[_REST.index("[io]") :].replace("outputs = {", "outputs = { spindle_run = 30,", 1)}"""
+[[spindle.gear]]
+low_rev_min = 100.0
+high_rev_min = 9000.0
+turns = 1.0
+on = ["fork"]
+off = ["lever"]
+input = "shifted"
+within_s = 5.0
+code = "M42"
+
+{_LINES}"""
 VALUE = re.compile(r"(?P<key>[A-Za-z_]\w*) = (?P<value>\{.*\}|\[.*\]|[^,}\n]+)")
 
 

@@ -25,6 +25,7 @@ from controller.runtime.stepped import SteppedMachine
 from controller.service import journal
 from controller.service.journal import Entry, Journal
 from controller.state.modes import Mode, Request
+from controller.store.service_store import ServiceStore
 
 SAME = 1e-6  # mm or rad
 PERIOD_S = 0.004
@@ -54,8 +55,8 @@ class Bench:
         self.news: list[News] = []
         self.answers: list[Answer] = []
         self.rows: list[np.ndarray] = []
-        self.file = folder / "journal.json"
-        self.journal = Journal(self.file, self.stepped.clock.now_s)
+        self.store = ServiceStore(folder)
+        self.journal = Journal(self.store, self.stepped.clock.now_s)
         self._numbers = itertools.count(1)
         self.mend()
 
@@ -158,8 +159,8 @@ class Bench:
 
     def offered(self, text: str) -> Entry:
         """What the journal offers to go on with."""
-        entry, why = journal.read(self.file)
-        assert entry is not None, why
+        entry = journal.read(self.store)
+        assert entry is not None
         now, job = self.snapshot(), entry.job
         same = journal.Job.of("part.ngc", text.encode(), self.machine, job.start, job.dry_run_mm)
         assert journal.refusal(entry, same, now.homed, now.untrusted, 5) is None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,7 +10,8 @@ import pytest
 from support.machines.spindle_machine import mill
 from support.machines.stepped_runs import shipped
 
-from controller.machine import machine_file, setup_data
+from controller import own_database
+from controller.machine import machine_file
 from controller.machine.model import Machine
 from controller.plan.report.survey import survey
 from controller.plan.stretch import Pause
@@ -18,7 +20,9 @@ from controller.runtime import checked
 from controller.runtime.stepped import SteppedMachine
 from controller.service.alarms import Alarms
 from controller.service.set_up import SetUp
+from controller.store import service_store
 from controller.store.service_store import ServiceStore
+from controller.store.set_up_store import SPINDLE
 
 TRUNNION = shipped()
 CLAMPED = mill()
@@ -90,14 +94,22 @@ def test_a_run_stands_at_the_change_until_the_operator_goes_on() -> None:
 def test_the_tool_in_the_spindle_is_known_after_a_loss_of_power(tmp_path: Path) -> None:
     def known() -> int:
         """By the next service."""
-        return SetUp(TRUNNION, tmp_path, Alarms(ServiceStore(tmp_path)), lambda tool: None).tool
+        with contextlib.closing(ServiceStore(tmp_path)) as store:
+            return SetUp(TRUNNION, store, Alarms(store), lambda tool: None).tool
+
+    def damage(more: str) -> None:
+        """By who keeps no sums, as a bad bit."""
+        with contextlib.closing(own_database.opened(tmp_path / service_store.FILE)) as sql:
+            newest = "generation = (SELECT max(generation) FROM documents WHERE name = 'in_spindle')"
+            sql.execute(f"{more} WHERE name = 'in_spindle' AND {newest}")
 
     assert known() == 1
-    setup_data.put_in(tmp_path, 3)
-    assert known() == 3
-    (tmp_path / setup_data.IN_SPINDLE).write_text("")
-    assert known() == 0, "what cannot be read is not known"
-    assert known() == 0, "nor is it to the service after that"
-    setup_data.put_in(tmp_path, 5)
-    (tmp_path / setup_data.IN_SPINDLE).unlink()
-    assert known() == 0, "what is gone is not the tool of a new machine"
+    for more in ("UPDATE documents SET value = '7'", "DELETE FROM documents"):
+        service_store.put(tmp_path, SPINDLE, 3)
+        assert known() == 3
+        damage(more)
+        assert known() == 0, "the one before is not the one in the spindle"
+        assert known() == 0, "nor is it to the service after that"
+    service_store.put(tmp_path, SPINDLE, 5)
+    damage("UPDATE documents SET generation = generation + 1")
+    assert known() == 0
