@@ -148,7 +148,7 @@ def test_what_is_damaged_in_the_store_while_it_serves_is_an_alarm_within_a_day(
     service.usage.set_item("oil", "motion", 10.0)
     service.usage.save(at_once=True)
     with contextlib.closing(sqlite3.connect(service.store.file)) as sql:  # which keeps no sums, as a bad bit
-        sql.execute("UPDATE documents SET value = '{}'")
+        changed = sql.execute("UPDATE documents SET value = '{}'").rowcount
         sql.commit()
     service.watch.look()
     service.writer.submit(int).result()
@@ -157,5 +157,5 @@ def test_what_is_damaged_in_the_store_while_it_serves_is_an_alarm_within_a_day(
     service.watch.look()
     service.writer.submit(int).result()
     (alarm,) = service.alarms.list()
-    assert alarm["name"] == alarms.DAMAGE and alarm["values"]["what"] == "documents 1"
+    assert alarm["name"] == alarms.DAMAGE and alarm["values"]["what"] == f"documents {changed}"
     service.close()

@@ -170,7 +170,7 @@ def test_spindle_and_changer_are_counted_on_the_way_to_tool_and_stop(shop: Timed
 
 
 def test_m1_is_a_stop_where_it_is_switched_on_alone(shop: TimedRun) -> None:
-    tool = shop.store.spindle or 1 if shop.store is not None else 1
+    tool = shop.tool_store.spindle or 1 if shop.tool_store is not None else 1
     text = text_of(tool, "M1")
     off, on = shop.run(text), shop.run(text, optional=True)
     assert len(off.stops_s) == 1 and len(on.stops_s) == 2

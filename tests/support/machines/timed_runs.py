@@ -43,14 +43,14 @@ class TimedRun(Bench):
 
     def __init__(self, folder: Path, machine: Machine) -> None:
         self.durations = Durations({})
-        self.store: StoredTools | None = None
+        self.tool_store: StoredTools | None = None
         self.changer: ToolChanger | None = None
         super().__init__(folder, machine)
         if machine.changer is not None:
-            self.store = StoredTools(folder)
-            self.store.confirm(placed(machine.changer.pockets, 1, ()))
+            self.tool_store = StoredTools(folder)
+            self.tool_store.confirm(placed(machine.changer.pockets, 1, ()))
             self.changer = ToolChanger(
-                self.store,
+                self.tool_store,
                 lambda: self.machine.changer,  # type: ignore[arg-type, return-value]
                 self.stepped,  # type: ignore[arg-type]
                 lambda name, what: None,
@@ -67,7 +67,7 @@ class TimedRun(Bench):
         self.news.clear()
 
     def _program(self, text: str, spot: Spot | None) -> Program:
-        tool = self.store.spindle or 0 if self.store is not None else 1
+        tool = self.tool_store.spindle or 0 if self.tool_store is not None else 1
         return Program(text.encode(), "part.ngc", self.machine, spot, in_spindle=tool)
 
     def loaded(self, text: str, spot: Spot | None = None) -> Job:
