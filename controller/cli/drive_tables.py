@@ -32,7 +32,7 @@ def outcomes(found: Sequence[Outcome]) -> Table:
     return table
 
 
-def found(rows: Sequence[dict[str, Any]]) -> Table:
+def answering(rows: Sequence[dict[str, Any]]) -> Table:
     """Who answers on the buses."""
     titles = "bus", "node", "drive", "profile", "vendor", "product", "revision", "serial"
     table = _table("nodes", *titles)

@@ -191,7 +191,7 @@ def scan(
                 ]
                 strange += [*_twins(each, found), *_strangers(each, found)]
         if not as_json:
-            show.print(drive_tables.found(rows))
+            show.print(drive_tables.answering(rows))
         strangers = [in_words(one) for one in strange]
         facts = {"machine": made.name, "found": rows, "missing": missing, "strangers": strangers}
         sentences = [say("sentence", text=one) for one in strange]

@@ -49,7 +49,7 @@ class Source:
     @classmethod
     def of(cls, name: str, text: str, of_fanuc: bool = False) -> Source:
         """Raises ProgramError for O-words, and statements ``of_fanuc``, that make no whole structure."""
-        found = marks.found(text, name, macros.statements if of_fanuc else None)
+        found = marks.marks_of(text, name, macros.statements if of_fanuc else None)
         return cls(name, text[: found.end], found)
 
 

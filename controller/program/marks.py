@@ -121,7 +121,7 @@ class Marks:
         return not self.subs and not self.by_number and len(self.by_offset) == len(self.numbered) <= 1
 
 
-def found(text: str, name: str, more: More | None = None) -> Marks:
+def marks_of(text: str, name: str, more: More | None = None) -> Marks:
     """The marks of a text, with ``more`` of it. Raises ProgramError for what makes no whole structure."""
     end = _end_of(text)
     marks = list(_marks(text, name, end))

@@ -28,7 +28,7 @@ from controller.runtime.plan_messages import Announcement, MotionFacts, News, Pr
 from controller.runtime.starts import Start
 from controller.service import journal
 from controller.service.durations import Durations
-from controller.service.probed import found
+from controller.service.probed import result_of
 from controller.service.refusals import number, refused, whole
 from controller.service.runs import Rows
 from controller.service.time_left import TimeLeft
@@ -125,7 +125,7 @@ class Announced:
             self._turn = said if said.rev_min is not None else self._turn
             if said.text:
                 self.messages = [*self.messages, said.text][-MAX_MESSAGES:]
-                self._found += filter(None, [found(said.text)])
+                self._found += filter(None, [result_of(said.text)])
         return changes
 
     def _is_due(self, said: Announcement, now: Snapshot) -> bool:

@@ -26,7 +26,7 @@ _VALUE = r"[a-z]\w*=-?\d+\.\d+"
 _RESULT = re.compile(rf"([a-z]\w*)((?: {_VALUE})+)", re.ASCII)
 
 
-def found(text: str) -> dict[str, Any] | None:
+def result_of(text: str) -> dict[str, Any] | None:
     """The result that a message of a program tells: cycle and values; None where it tells none."""
     if (match := _RESULT.fullmatch(text)) is None:
         return None

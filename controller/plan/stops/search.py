@@ -118,7 +118,7 @@ class Lanes:
         self.stuck.needed[lane[new]], self.stuck.lift[lane[new]] = needed[new], lift[new]
         self.stuck.steps[lane[new]] = steps if isinstance(steps, int) else steps[new]
 
-    def found(self) -> Found:
+    def result(self) -> Found:
         """All stops in one array: the steps that were searched, then the landing."""
         steps = self.begun + self.landing
         jerks = np.zeros((int(steps.max(initial=1)), len(steps)))
@@ -182,7 +182,7 @@ def search(
             here = (there[0].take(keep, axis=1), there[1].take(keep, axis=1))
             shares = Shares(*(x[keep] for x in shares))
             ramps = ramps.of(keep) if ramps else None
-    return lanes.found()
+    return lanes.result()
 
 
 def _between(x: Array, low: Array | float, high: Array | float) -> Array:

@@ -60,7 +60,7 @@ def search(
         lanes.landed(lane[landed], made + last[landed] + 1, count[at][landed], rest[at][landed])
         lanes.short[lane[(off & (step <= last)).any(axis=0)]] = True
         s, v, a, lane = s[-1][~ended], v[-1][~ended], a[-1][~ended], lane[~ended]
-    return lanes.found()
+    return lanes.result()
 
 
 class _Joints:

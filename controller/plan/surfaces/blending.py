@@ -111,7 +111,7 @@ def joined(
         hollow = after.tool.radius_mm * (1.0 - math.cos(angle))
     across = max(abs(dot(step, end.out)), abs(dot(upper, end.out)))
     within = Tolerance(USED * (allowed.mm - hollow), allowed.rad)
-    found = _Fastest(before, after, within, across, machine, kinematics).found
+    found = _Fastest(before, after, within, across, machine, kinematics).passed
     if found is None:
         return None
     return Joint(
@@ -161,7 +161,7 @@ class _Fastest:
     kinematics: Kinematics
 
     @property
-    def found(self) -> _Passed | None:
+    def passed(self) -> _Passed | None:
         feed, best = self.after.block.feed_mm_s, None
         reach, most = min(max(USEFUL_S * feed, USEFUL_MM[0]), USEFUL_MM[1]), self._reach(math.inf)
         while (one := self._passed(reach)) is not None:

@@ -260,7 +260,7 @@ class Found(NamedTuple):
         return self.inner_mm, self.whole_mm
 
 
-def found(singles: Sequence[Placed], starts: Sequence[Sequence[Placed]]) -> Found | None:
+def best(singles: Sequence[Placed], starts: Sequence[Sequence[Placed]]) -> Found | None:
     """The best axis that is found for a row of joined surfaces, each placed as the paper does.
 
     ``starts``: the same as other placements have it. None where no axis is on the right side, or the curves
@@ -268,7 +268,7 @@ def found(singles: Sequence[Placed], starts: Sequence[Sequence[Placed]]) -> Foun
     """
     try:
         with np.errstate(all="ignore"):
-            return _Search(singles).found(starts)
+            return _Search(singles).best(starts)
     except np.linalg.LinAlgError:
         return None
 
@@ -283,8 +283,8 @@ class _Search:
         self._fewest = min(max(SPANS, turned), MAX_SPANS)
         self._per_bend = (SPANS / self._fewest) ** 6  # bends are as steep as the surface is long
 
-    def found(self, starts: Sequence[Sequence[Placed]]) -> Found | None:
-        """As ``found``; raises LinAlgError."""
+    def best(self, starts: Sequence[Sequence[Placed]]) -> Found | None:
+        """As ``best``; raises LinAlgError."""
         fewest = self._fewest
         basis = Basis.over(self._surfaces, fewest)
         points = self._points(basis)

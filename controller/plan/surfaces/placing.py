@@ -211,7 +211,7 @@ def _free(row: Row, near: Sequence[Placed]) -> free_axis.Found | None:
             replace(one, points_v=(high, low), normals_v=(max(high, BELOW_UPPER), low)) for one in singles
         ]
         edges = [replace(one, points_v=HUNG_AT, normals_v=(BELOW_UPPER, 1.0)) for one in singles]
-        axis = free_axis.found(singles, (hung, singles, edges))
+        axis = free_axis.best(singles, (hung, singles, edges))
         if axis is None:
             return None
         found.append(axis)

@@ -23,7 +23,7 @@ TABLES: dict[str, Callable[[], Table]] = {
     "offsets": lambda: offsets.table(NOTHING_SET),
     "tools": lambda: tools.table({}),
     "commissioned": lambda: drive_tables.outcomes([]),
-    "nodes": lambda: drive_tables.found([]),
+    "nodes": lambda: drive_tables.answering([]),
     "drives": lambda: drive_tables.status([]),
     "objects": lambda: drive_tables.dump([]),
     "differences": lambda: drive_tables.differences([], "x.toml"),

@@ -255,12 +255,14 @@ def conditions(folder: Path) -> dict[str, str]:
     """What one finds who is neither root nor the owner."""
     ours, theirs = os.pipe()
     if (child := os.fork()) == 0:
-        os.setgroups([])
-        os.setgid(NOBODY)
-        os.setuid(NOBODY)
-        found = {one.file: one.condition for one in state.look(folder)}
-        os.write(theirs, json.dumps(found).encode())
-        os._exit(0)
+        try:
+            os.setgroups([])
+            os.setgid(NOBODY)
+            os.setuid(NOBODY)
+            found = {one.file: one.condition for one in state.look(folder)}
+            os.write(theirs, json.dumps(found).encode())
+        finally:  # or the tests after this one would go on in the child, too
+            os._exit(0)
     os.close(theirs)
     assert os.waitpid(child, 0)[1] == 0
     with os.fdopen(ours) as found:

@@ -14,7 +14,7 @@ from controller.program import blocks, probing_cycles
 from controller.program.linked import SHIPPED, parts
 from controller.program.probing_cycles import CHOICES, CYCLES, LENGTHS, CycleRefused, program
 from controller.program.program import JointLine, ProgramError, Setting
-from controller.service.probed import found
+from controller.service.probed import result_of
 
 
 def lines(cycle: str, values: dict[str, Any], offset: str = "none") -> str:
@@ -102,7 +102,7 @@ def test_the_program_of_a_cycle_is_called_with_as_many_values_as_it_says(cycle: 
 def results(cycle: str) -> list[str]:
     """What its program says that it has found."""
     (told,) = re.findall(r"\(LOG, (.*)\)", (SHIPPED / f"probe_{cycle}.ngc").read_text())
-    result = found(re.sub(r"#(<\w+>|\d+)", "1.5", told))
+    result = result_of(re.sub(r"#(<\w+>|\d+)", "1.5", told))
     assert result is not None and result["cycle"] == cycle
     return [name.rpartition("_")[0] or name for name in result["values"]]
 

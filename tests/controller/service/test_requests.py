@@ -7,6 +7,7 @@ import contextlib
 import json
 import os
 import socket
+import tempfile
 from collections.abc import Iterator
 from concurrent.futures import Future
 from pathlib import Path
@@ -146,27 +147,33 @@ def test_what_is_refused_after_its_answer_was_promised_is_noted_so(desk: Desk) -
         assert [row["refused"] for row in desk.rows()[len(before) :]] == ([code] if code else [])
 
 
+@pytest.fixture
+def place() -> Iterator[Path]:
+    """A folder that every user comes to."""
+    with tempfile.TemporaryDirectory(dir="/tmp") as made:
+        yield Path(made)
+
+
 @pytest.mark.skipif(os.geteuid() != 0, reason="a second user takes root to make")
-def test_nobody_is_asked_who_has_put_a_socket_where_anybody_may(tmp_path: Path) -> None:
+def test_nobody_is_asked_who_has_put_a_socket_where_anybody_may(place: Path) -> None:
     """As in /tmp, before the service's own is there."""
-    place = Path(os.path.realpath(tmp_path)) / "anybody"
-    place.mkdir()
     place.chmod(0o1777)
-    for above in place.parents[:3]:
-        above.chmod(above.stat().st_mode | 0o011)
     heard, hears = os.pipe()
     if (child := os.fork()) == 0:
-        os.setgid(64001)
-        os.setuid(64001)
-        (place / "run").mkdir(mode=0o755)
-        own = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        own.bind(str(place / "run" / "control.sock"))
-        os.chmod(place / "run" / "control.sock", 0o777)
-        own.listen()
-        os.write(hears, b"x")
-        came, _ = own.accept()
-        os.write(hears, came.recv(1000) or b"-")
-        os._exit(0)
+        try:
+            os.setgid(64001)
+            os.setuid(64001)
+            (place / "run").mkdir(mode=0o755)
+            own = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+            own.bind(str(place / "run" / "control.sock"))
+            os.chmod(place / "run" / "control.sock", 0o777)
+            own.listen()
+            os.write(hears, b"x")
+            came, _ = own.accept()
+            os.write(hears, came.recv(1000) or b"-")
+        finally:  # or the tests after this one would go on in the child, too
+            os._exit(0)
+    os.close(hears)
     assert os.read(heard, 1) == b"x"
     client = Client(place / "run" / "control.sock", 20.0)
     with contextlib.closing(client), pytest.raises(CommandRefused) as refused:
