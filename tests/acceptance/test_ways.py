@@ -38,7 +38,7 @@ BESIDE = {  # routes of other rooms that are about the same
 BY_HAND = {"spindle", "coolant", "clamps"}
 OF_ROOMS = ("offsets", "tools", "changer", "maintenance", "probe", "calibrate")
 ALL_HAVE = {"url", "take_over", "as_json", "language"}
-OTHER_PARTS = {"homing", "file", "backup", "drives", "users", "notices"}  # of the page's set-up
+OTHER_PARTS = {"homing", "bring_up", "file", "backup", "drives", "users", "notices"}  # of the page's set-up
 
 
 class Row(NamedTuple):

@@ -89,7 +89,7 @@ def off_the_end(singles: Sequence[Placed], starts: Sequence[Sequence[Placed]]) -
 
 def test_what_is_better_in_the_middle_alone_is_not_taken(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(placements, "_known", {})
-    monkeypatch.setattr(free_axis, "found", off_the_end)
+    monkeypatch.setattr(free_axis, "best", off_the_end)
     forget()
     try:
         double, optimal, auto = (off_mm(program(compound(1, 1)[0], 4, f"G41 P{p} R0.5")) for p in (2, 3, 4))
@@ -106,7 +106,7 @@ def test_its_choice_is_found_again_without_a_search(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(placements, "_known", {})
     placements.learn(kept.placements)
     forget()
-    monkeypatch.setattr(free_axis, "found", None)  # a search would be an error
+    monkeypatch.setattr(free_axis, "best", None)  # a search would be an error
     monkeypatch.setattr(placing, "_doubles", None)
     (again,) = named(trace(text, MACHINE), "cut")
     assert again.motion.surface == found.motion.surface
@@ -116,7 +116,7 @@ def test_optimal_that_finds_nothing_better_says_so_and_is_not_advised(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(placements, "_known", {})
-    monkeypatch.setattr(free_axis, "found", lambda singles, starts: None)
+    monkeypatch.setattr(free_axis, "best", lambda singles, starts: None)
     forget()
     told = {}
     try:

@@ -53,7 +53,7 @@ def nothing_known(monkeypatch):
 
 def no_search(monkeypatch) -> None:
     """From here on a search would be an error."""
-    for room, name in ((placing, "_doubles"), (free_axis, "found")):
+    for room, name in ((placing, "_doubles"), (free_axis, "best")):
         monkeypatch.setattr(room, name, lambda *_: pytest.fail("searched again"))
 
 
