@@ -32,7 +32,7 @@ def bodies() -> list[tuple[str, str, str]]:
 
 def test_every_body_has_an_example_that_is_taken_for_one(tmp_path: Path) -> None:
     """It is carried out, or refused for what the machine is: never for its form."""
-    places = {"number": "2", "name": "G54", "code": "G83"}
+    places = {"number": "2", "name": "G54", "code": "G83", "step": "scale.X"}
 
     async def story() -> None:
         scene = Scene(tmp_path)
