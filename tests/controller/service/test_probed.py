@@ -15,7 +15,7 @@ from controller.program.program import Probed as Came
 from controller.runtime.plan_messages import Announcement, News
 from controller.service import probed
 from controller.service.command_handlers import CommandHandlers
-from controller.service.probed import KEPT, Probed, found
+from controller.service.probed import KEPT, Probed, result_of
 from controller.service.service import Service
 from controller.store.service_store import ServiceStore, document_of
 
@@ -36,7 +36,7 @@ BORE = {"cycle": "bore", "values": {"x_mm": -0.25, "diameter_mm": 20.0}}
     ],
 )
 def test_a_message_of_a_name_and_values_is_a_result(text: str, told: dict[str, Any] | None) -> None:
-    assert found(text) == told
+    assert result_of(text) == told
 
 
 def test_results_are_there_after_a_restart_and_no_more_than_are_kept(tmp_path: Path) -> None:
