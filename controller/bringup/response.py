@@ -25,7 +25,7 @@ from controller.geometry.arrays import Array
 
 BANDS_PER_OCTAVE = 8
 MIN_BINS = 4  # of the transform in a band
-MIN_COHERENCE = 0.985  # with less the counts of a coarse encoder are more than 5 % of the answer
+MIN_COHERENCE = 0.95
 MIN_POWER_SHARE = 1e-13  # of the strongest band: below it, rounding to counts is what moves the axis
 STEADY_SHARE = 0.02  # of the speed by which that of a ramp may differ from tick to tick
 HALF_POWER = math.sqrt(0.5)  # -3 dB

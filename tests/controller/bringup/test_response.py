@@ -78,16 +78,6 @@ def test_what_no_setpoint_has_moved_is_not_shown() -> None:
     assert np.abs(answered(found) / expected - 1.0).max() < 0.2
 
 
-def test_what_the_counts_of_a_coarse_encoder_would_make_of_it_is_not_shown() -> None:
-    """4096 counts of a 5 mm screw: the fastest strokes are a count or two."""
-    fine, plant = made_up(second_order(40.0, 0.707)), second_order(40.0, 0.707)
-    setpoint, actual = (np.round(one * 819.2) / 819.2 for one in (fine.setpoint, fine.actual))
-    found = response.bode(replace(fine, setpoint=setpoint, actual=actual), 125.0)
-    assert 15.0 < found.frequency_hz[-1] < 60.0
-    expected = model(found.frequency_hz, 2e-3, plant)
-    assert np.abs(answered(found) / expected - 1.0).max() < WITHIN
-
-
 # ---- on the simulated machine
 
 
