@@ -76,6 +76,18 @@ def _size(here: Reading) -> float:
     return abs(here.inner)
 
 
+class _OfName(Choice):
+    """The kind of an axis, which its name tells, too: where the two differ that is the one mistake."""
+
+    def read(self, here: Reading, name: str) -> Kind:
+        found: Kind = super().read(here, name)
+        called = here.table.get("name", "", "")
+        if called in (ROTARIES if found is Kind.LINEAR else SLIDES):
+            allowed = any_of([one.value for one in Kind if (one is Kind.LINEAR) is (called in SLIDES)])
+            here.table.refuse(name, "kind_of_name", name=called, allowed=allowed)
+        return found
+
+
 def _is_rotary(here: Reading) -> bool:
     return here["kind"] is not Kind.LINEAR
 
@@ -362,7 +374,7 @@ class Axis:
         may_be=message("file.may.letters", slides=any_of(SLIDES), rotaries=any_of(ROTARIES)),
     )
     kind: Kind = key(
-        Choice({one.value: one for one in Kind}), "a slide, a rotary under the work, or a rotary in the head"
+        _OfName({one.value: one for one in Kind}), "a slide, a rotary under the work, or a rotary in the head"
     )
     direction: Vector = key(
         VECTOR,

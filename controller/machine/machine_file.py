@@ -146,21 +146,36 @@ def load(source: str | Path) -> Machine:
         if tools.has("file"):
             tools.refuse("file", "tools_twice")
         return read(text, file, path.parent)
-    table = beside(path.parent, tools.text("file", default=TOOL_TABLE), tools)
-    entries = read_text(table)
-    wrong = _mistakes_of_tools(parse(entries, table.name))
+    try:
+        table = beside(path.parent, tools.text("file", default=TOOL_TABLE), tools)
+        entries = read_text(table)
+        wrong = _mistakes_of_tools(parse(entries, table.name))
+    except ConfigError as error:  # what a tool of no number does not let tell is not told
+        raise ConfigError.of_all([*_own_mistakes(text, file, path.parent), error]) from error
     try:
         machine = read(f"{text.rstrip()}\n\n# {table.name}\n{entries}", file, path.parent)
     except ConfigError as error:
         if not wrong:
             raise
         # The tools' mistakes are refused under the name of their own file.
-        lines = len(text.splitlines())
-        own = [one for one in error.mistakes if one.line <= lines and one.place[:1] != ("tool",)]
-        raise ConfigError.of_all([*own, *wrong]) from error
+        raise ConfigError.of_all([*_without_tools(error, text), *wrong]) from error
     if wrong:
         raise ConfigError.of_all(wrong)
     return machine
+
+
+def _own_mistakes(text: str, file: str, folder: Path) -> list[ConfigError]:
+    """Those of a machine file whose tool table is not to be had."""
+    try:
+        read(f"{text.rstrip()}\n\n[[tool]]\n", file, folder)
+    except ConfigError as error:
+        return _without_tools(error, text)
+    return []
+
+
+def _without_tools(error: ConfigError, text: str) -> list[ConfigError]:
+    lines = len(text.splitlines())
+    return [one for one in error.mistakes if one.line <= lines and one.place[:1] != ("tool",)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -254,9 +269,13 @@ def _check_tool(tool: Reading) -> None:
 
 def _check_twice(row: Reading, kind: str, name: str, what: str) -> None:
     """No table of a kind before this one has the same name or number."""
-    rows = row.top.below[kind]
-    if any(getattr(one, "values", {}).get(name) == row[name] for one in rows[: rows.index(row)]):
+    if _is_twice(row, kind, name):
         row.table.refuse(name, what)
+
+
+def _is_twice(row: Reading, kind: str, name: str) -> bool:
+    rows = row.top.below[kind]
+    return any(getattr(one, "values", {}).get(name) == row[name] for one in rows[: rows.index(row)])
 
 
 def _check_tools(top: Reading) -> None:
@@ -271,9 +290,9 @@ def _check_kinematics(general: Reading) -> None:
 def _check_axes(top: Reading) -> None:
     names, kinematics = [axis.name for axis in top["axis"]], top.one_below("machine")["kinematics"]
     rotaries, build = [axis for axis in top["axis"] if axis.is_rotary], builds().get(kinematics)
-    if build is None:  # which is refused
+    if build is None or len(set(names)) != len(names):  # which is refused
         return
-    if len(rotaries) != build.turning or len(names) != 3 + build.turning or len(set(names)) != len(names):
+    if len(rotaries) != build.turning or len(names) != 3 + build.turning:
         table = Table(top.table.file, "[[axis]]", {"name": names})
         table.refuse("name", "no_such_axes", kinematics=kinematics, allowed=build.axes)
 
@@ -308,9 +327,13 @@ def _parallel(one: Vector, other: Vector) -> bool:
     return bool(norm(cross(_unit(one), _unit(other))) < PARALLEL)
 
 
+def _check_name(axis: Reading) -> None:
+    _check_twice(axis, "axis", "name", "axis_twice")
+
+
 def _check_frame(axis: Reading) -> None:
     """A slide that is not square leans no further than makes X, Y and Z three directions."""
-    if axis["kind"] is Kind.LINEAR:
+    if axis["kind"] is Kind.LINEAR and not _is_twice(axis, "axis", "name"):
         frame = LINEAR[axis["name"]]
         if angle_between(axis["direction"], frame) > MAX_LEAN_RAD:
             allowed = str([int(x) for x in frame])
@@ -335,10 +358,16 @@ def _check_slopes(axis: Reading) -> None:
         table.refuse(f"up_{axis.unit}", "pitch_steep", share=share, axis=axis["name"], most=most)
 
 
+def _nodes(top: Reading) -> list[tuple[str, str, int]]:
+    """Name, bus and node of the axes' drives, of each that has all three."""
+    parts = ("name", "bus", "node")
+    return [(one.name, one.bus, one.node) for one in top["axis"] if all(hasattr(one, part) for part in parts)]
+
+
 def _check_node(axis: Reading) -> None:
     """A node is that of one drive; it is told at the first of them."""
     mine = axis["bus"], axis["node"]
-    twins = [one.name for one in axis.top["axis"] if (one.bus, one.node) == mine]
+    twins = [name for name, *place in _nodes(axis.top) if tuple(place) == mine]
     if len(twins) > 1 and twins[0] == axis["name"]:
         axis.table.refuse("node", "nodes_shared", axes=chain("and", twins), bus=axis["bus"])
 
@@ -346,10 +375,10 @@ def _check_node(axis: Reading) -> None:
 def _check_encoder(axis: Reading) -> None:
     """An encoder that is a node of its own is no drive's."""
     encoder = axis["load_encoder"]
-    for one in axis.top["axis"] if encoder is not None else ():
-        if (one.bus, one.node) == (axis["bus"], encoder.node):
-            other, table = message("file.axis", name=one.name), axis.one_below("load_encoder").table
-            table.refuse("node", "node_twice", other=other, bus=one.bus)
+    for name, bus, node in _nodes(axis.top) if encoder is not None else ():
+        if (bus, node) == (axis["bus"], encoder.node):
+            other, table = message("file.axis", name=name), axis.one_below("load_encoder").table
+            table.refuse("node", "node_twice", other=other, bus=bus)
 
 
 def _check_devices(device: Reading) -> None:
@@ -357,9 +386,9 @@ def _check_devices(device: Reading) -> None:
     mine = device["bus"], device["node"]
     if mine[1] == 0:
         return
-    for axis in device.top["axis"]:
-        if (axis.bus, axis.node) == mine:
-            device.table.refuse("node", "node_twice", other=message("file.axis", name=axis.name), bus=mine[0])
+    for name, *place in _nodes(device.top):
+        if tuple(place) == mine:
+            device.table.refuse("node", "node_twice", other=message("file.axis", name=name), bus=mine[0])
     spindle_ = device.top["spindle"]
     if device.of is Io and spindle_ is not None and (spindle_.bus, spindle_.node) == mine:
         device.table.refuse("node", "node_twice", other="[spindle]", bus=mine[0])
@@ -378,6 +407,7 @@ CHECKS: Mapping[type, Sequence[Check]] = {
     Machine: (_check_kinematics,),
     Bus: (_check_bus,),
     Axis: (
+        _check_name,
         _check_frame,
         _check_still,
         _check_node,

@@ -329,7 +329,10 @@ class Machine:
         default="great_circle",
     )
     tip_acceleration_mm_s2: float | None = key(
-        POSITIVE, "largest of the tool's tip in the part, on feed moves", default=None
+        POSITIVE,
+        "largest of the tool's tip in the part, on feed moves",
+        default=None,
+        usual=(10.0, 100_000.0),
     )
     axis_speed_rad_s: float | None = key(
         POSITIVE,
@@ -337,6 +340,7 @@ class Machine:
         name="axis_speed_deg_s",
         scale=math.radians(1.0),
         default=None,
+        usual=(0.5, 20_000.0),
     )
     io: Io | None = None
     probe: Sensor | None = None  # in the spindle

@@ -13,7 +13,7 @@ from controller.geometry.vectors import angle_between
 from controller.machine.axes import Axis, Homing, Kind
 from controller.machine.declaration import Key, keys_of
 from controller.machine.machine_file import LINEAR, RULES, MachineFile
-from controller.machine.model import Machine
+from controller.machine.model import Bus, Machine
 from controller.machine.named_files import NamedFiles
 from controller.machine.reading import Check, File, Reading
 from controller.machine.spindle import MODES, Spindle
@@ -27,6 +27,9 @@ MAX_SEARCH_S = 600.0  # for the switch, along all of the travel, or one turn
 TURN = math.tau
 MAX_LEAN_DEG = 1.0  # of a slide from its axis: what is beyond it was built so
 MIN_WINDOW_COUNTS = 2.0  # of the following error: what is below stops the drive at once
+POSITIVE_LIMITS = (2, 18)  # methods of CiA 402 that look for the limit switch in the positive sense,
+LIMIT_SWITCHES = (1, 17, *POSITIVE_LIMITS)  # and those in either
+INTERFACES = ("virtual", "socketcan")
 
 
 def doubts(machine: Machine) -> list[Message]:
@@ -124,6 +127,29 @@ def _check_homing(homing: Reading) -> None:
         homing.table.refuse(f"fast_{unit}_s", "homing_takes_long", minutes=seconds / 60.0)
 
 
+def _check_limit_switch(homing: Reading) -> None:
+    """A slide that is homed by a limit switch is at that end of its travel then."""
+    axis = homing.above
+    if axis is None or axis["kind"] is not Kind.LINEAR or homing["method"] not in LIMIT_SWITCHES:
+        return
+    is_upper = (homing["method"] in POSITIVE_LIMITS) == (axis["counts_per_unit"] > 0.0)
+    lower, upper = axis["travel"]
+    off = homing.as_written("position") - 0.5 * (lower + upper)
+    if (off < 0.0) if is_upper else (off > 0.0):
+        end = upper if is_upper else lower
+        homing.table.refuse(f"position_{homing.unit}", "homing_other_end", method=homing["method"], end=end)
+
+
+def _check_interface(bus: Reading) -> None:
+    """One of python-can's, which is asked only for names that are not its commonest."""
+    if bus["interface"] in INTERFACES:
+        return
+    from can.interfaces import VALID_INTERFACES
+
+    if bus["interface"] not in VALID_INTERFACES:
+        bus.table.refuse("interface", "no_interface", known=", ".join(sorted(VALID_INTERFACES)))
+
+
 def _check_run_up(spindle: Reading) -> None:
     """It comes to its largest speed within the time that it has for that."""
     if spindle["by"] != "drive" or spindle["mode"] != MODES["csv"]:
@@ -135,6 +161,7 @@ def _check_run_up(spindle: Reading) -> None:
 
 CHECKS: Mapping[type, Sequence[Check]] = {
     Axis: (_check_travel, _check_lean, _check_ramps, _check_window, _check_brake),
-    Homing: (_check_homing,),
+    Bus: (_check_interface,),
+    Homing: (_check_homing, _check_limit_switch),
     Spindle: (_check_run_up,),
 }

@@ -245,6 +245,8 @@ def parse(text: str, file: str) -> Table:
         raise _no_toml(text, file, str(error)) from error
 
 
+MARK = "\ufeff"  # of the order of bytes, as Windows' editors put it before a text
+
 # What the standard library's reader of TOML finds wrong, and the text that says it.
 NO_TOML = {
     "Cannot overwrite a value": "toml.key_twice",
@@ -279,14 +281,26 @@ def _no_toml(text: str, file: str, why: str) -> ConfigError:
     number, column = (int(found[1]), int(found[2])) if found else (len(lines), len(lines[-1]) + 1)
     line = lines[number - 1] if number <= len(lines) else ""
     key = next((key for words, key in NO_TOML.items() if why.startswith(words)), "toml.other")
+    head, single = HEAD.match(line), 0
+    if text.startswith(MARK):
+        key, number, column = "toml.mark", 1, 1
+    elif head is not None and head[1] == "[[" and (single := _single_head(lines, head[2])):
+        key = "toml.single_head"
     if why.startswith("Cannot overwrite") and KEY.match(line):  # the reader has read its value, too
         column = len(line) - len(line.lstrip()) + 1
-    what = message(f"file.{key}", why=re.sub(r" \(at .*\)$", "", why))
-    shown = line.strip() if len(line.strip()) <= 60 else f"{line.strip()[:57]}..."
+    what = message(f"file.{key}", why=re.sub(r" \(at .*\)$", "", why), line=single)
+    line = line.strip().lstrip(MARK)
+    shown = line if len(line) <= 60 else f"{line[:57]}..."
     where = f"{file}:{number}:{column}"
     return ConfigError(
         message("file.no_toml", where=where, found=shown or Key("file.toml.end"), what=what), file, number
     )
+
+
+def _single_head(lines: Sequence[str], name: str) -> int:
+    """The number of the line [name]; 0: there is none."""
+    heads = enumerate(map(HEAD.match, lines), 1)
+    return next((n for n, head in heads if head and (head[1], head[2]) == ("[", name)), 0)
 
 
 @lru_cache(16)
@@ -346,5 +360,5 @@ def span(lower: float, upper: float) -> Message:
 
 
 def _shown(value: object) -> str:
-    text = repr(value).replace("'", '"')
+    text = str(value).lower() if isinstance(value, bool) else repr(value).replace("'", '"')
     return text if len(text) <= 60 else f"{text[:57]}..."

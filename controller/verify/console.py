@@ -34,7 +34,7 @@ class Late:
     def console(self) -> Console:
         from rich.console import Console
 
-        return Console(highlight=False, **self._asked)  # type: ignore[arg-type]
+        return Console(highlight=False, emoji=False, **self._asked)  # type: ignore[arg-type]
 
     def print(self, *said: object, **how: Any) -> None:
         tables = sys.modules.get("rich.table")  # who shows one has imported it

@@ -16,7 +16,7 @@ from canopen.objectdictionary import ODVariable
 
 from drives.commissioning import identity, wanted
 from drives.commissioning.sheet import INTEGERS, Sheet
-from drives.commissioning.units import UnitError, units_of
+from drives.commissioning.units import UnitError, counts_of, si, units_of
 from drives.commissioning.values import shown_at
 from drives.commissioning.wanted import RPDO, Pdo, Setting, Settings, where
 from drives.profile import Profile, Supervision
@@ -116,8 +116,17 @@ def of_profile(
         if one not in needed
     )
     told = [*warnings(base, master, sheet), *unit_problems(base, sheet), *identity.contradictions(sheet)]
+    told += _counts(sheet)
     remarks = [*(message("sentence", text=one) for one in once((*told, *beside))), *_remarks(profile, sheet)]
     return needed, [*remarks, *map(plain, profile.quirks)]
+
+
+def _counts(sheet: Sheet) -> Iterator[Message]:
+    """What a position in SI units leaves a machine file no choice of."""
+    word = sheet.default(0x60A8, 0) or 0
+    if (found := counts_of(si(word))) is not None:
+        key, counts = found
+        yield message("on_paper.counts", sheet=sheet.name, word=word, key=key, counts=counts)
 
 
 def _remarks(profile: Profile, sheet: Sheet) -> Iterator[Message]:

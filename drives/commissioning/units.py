@@ -116,6 +116,15 @@ def si(word: int) -> Si:
     return Si(exponent - 256 if exponent > 127 else exponent, word >> 16 & 0xFF, word >> 8 & 0xFF)
 
 
+def counts_of(position: Si) -> tuple[str, float] | None:
+    """The key of an axis that has its counts, and what a position in SI units makes of it."""
+    if position.numerator == METRE:
+        return "counts_per_mm", 1e-3 / position.prefix
+    if position.numerator in ANGLES:
+        return "counts_per_deg", math.radians(1.0) / (ANGLES[position.numerator] * position.prefix)
+    return None
+
+
 def units_of(settings: NodeSettings | SpindleSettings, read: Read) -> Units:
     """The units of a drive. Raises UnitError, and what ``read`` raises."""
     return _Reading(settings, read).units()

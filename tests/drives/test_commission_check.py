@@ -98,6 +98,16 @@ def test_a_missing_object_that_the_profile_calls_optional_is_a_remark() -> None:
     assert "object 6065h is not in the data sheet; the profile does without it." in map(english, remarks)
 
 
+@pytest.mark.parametrize(
+    ("word", "said"),
+    [("0xFD010000", "counts_per_mm has 1 there"), ("0xFF410000", "counts_per_deg has 10 there")],
+)
+def test_a_position_in_si_units_says_what_counts_a_machine_file_is_to_have(word: str, said: str) -> None:
+    """Which check of a machine and commissioning refuse otherwise; a sheet alone has no counts."""
+    _, remarks = possible.of_profile(GENERIC, changed("60A8", "DefaultValue", word), MASTER)
+    assert any(said in english(remark) for remark in remarks), [*map(english, remarks)]
+
+
 # What reads like a refusal: something that somebody is to do, or to give up.
 REFUSES = re.compile(r"is needed|override|choose|change |must ")
 

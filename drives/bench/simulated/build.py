@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from drives.bench.simulated import families, homing
-from drives.bench.simulated.data_sheet import EDS
+from drives.bench.simulated.data_sheet import EDS, key
 from drives.bench.simulated.drive import SimulatedDrive
 from drives.bench.simulated.io_node import IO_EDS, IoNode
 from drives.bench.simulated.parameters import Parameters
@@ -19,6 +19,10 @@ SPINDLE_REV_S2 = 200.0  # a spindle motor's own limit, above what a controller a
 # Of a motor over what its axis needs, where nothing else is said.
 QUICK_STOP_SHARE = 2.4  # of a quick stop that the machine file wants over the acceleration: the torque has it
 TORQUE_RESERVE, SPEED_RESERVE = 3.0, 1.05
+SEARCH_SHARE, EDGE_SHARE = (
+    0.2,
+    0.02,
+)  # of the axis' velocity: homing, where the drive's defaults are beyond it
 COAST_SHARE, BRAKE_SHARE = 0.25, 1.0  # of the axis' acceleration: what friction and the brake take away
 
 
@@ -39,10 +43,25 @@ def drive(settings: NodeSettings, parameters: Parameters) -> SimulatedDrive:
     made.dictionary.believe(settings.overrides)
     families.restrict(made, settings.profile)
     made.axis.units.told_counts_s = settings.velocity_unit_counts_s
+    _pace_homing(made, settings)
     usual = Parameters()
     if nature.switches == usual.switches and nature.home_switch == usual.home_switch:
         _place_switches(made, settings)
     return made
+
+
+def _pace_homing(made: SimulatedDrive, settings: NodeSettings) -> None:
+    """A search at which the axis cannot move is not what a drive was set up for: its defaults are lowered."""
+    axis, dictionary = made.axis, made.dictionary
+    axis.units.configure()
+    scale, most = axis.units.scale, settings.velocity_counts_s
+    if most <= 0.0 or not (dictionary.has(0x6099, 1) and dictionary.has(0x6099, 2)):
+        return
+    for sub, share in ((1, SEARCH_SHARE), (2, EDGE_SHARE)):
+        if (counts_s := axis.units.speed_at(0x6099, sub) / scale) > most:
+            where = key(0x6099, sub)
+            lower = max(1, round(dictionary.get(0x6099, sub) * share * most / counts_s))
+            dictionary.factory[where] = dictionary.values[where] = lower
 
 
 def _place_switches(made: SimulatedDrive, settings: NodeSettings) -> None:

@@ -72,6 +72,9 @@ CAUSES = [
     (("node = 1\n", "node = 1\nload_encoder = { tpdo = 3, node = 2, most_off_mm = 1 }\n"), ["node"]),
     (("travel_mm = [-300.0, 300.0]", "travel_mm = [300.0, -300.0]"), ["travel_mm"]),
     (("number = 1\n", ""), ["number"]),
+    (('kind = "linear"', 'kind = "table"'), ["kind"]),
+    (('kind = "table"', 'kind = "linear"'), ["kind"]),
+    (('name = "Y"', 'name = "X"'), ["name"]),
 ]
 
 
@@ -114,6 +117,40 @@ def test_the_tools_mistakes_are_told_under_the_name_of_their_file(tmp_path: Path
         machine_file.load(tmp_path / "zmill.toml")
     told = [str(one).partition(": ")[0].partition(":")[0] for one in refused.value.mistakes]
     assert told == ["zmill.toml", "tools.toml", "tools.toml", "tools.toml"]
+
+
+def test_a_tool_table_that_is_not_there_hides_no_other_mistake(tmp_path: Path) -> None:
+    wrong = ('gouge = "refuse"', 'gouge = "refused"'), ('file = "tools.toml"', 'file = "no_tools.toml"')
+    (tmp_path / "m.toml").write_text(changed(TRUNNION, *wrong, ("node = 2", "node = 200")))
+    with pytest.raises(ConfigError) as refused:
+        machine_file.load(tmp_path / "m.toml")
+    assert [one.place[-1] for one in refused.value.mistakes] == ["gouge", "file", "node"]
+
+
+def test_nodes_that_are_given_twice_are_told_beside_one_that_is_none() -> None:
+    nodes = ("node = 4\n", "node = 400\n"), ("node = 2\n", "node = 1\n"), ("node = 11", "node = 5")
+    wrong = changed(text().replace('bus = "can1"', 'bus = "can0"'), *nodes)
+    assert [(one.place[0], one.place[-1]) for one in mistakes(wrong)] == [
+        *(("axis#1", "node"), ("axis#4", "node"), ("io", "node"))
+    ]
+
+
+def test_the_command_line_makes_no_picture_of_a_line_number(tmp_path: Path) -> None:
+    """:100: is a sign of its own to rich."""
+    lines = TRUNNION.splitlines()
+    at = next(number for number, line in enumerate(lines) if line == "node = 4")
+    lines[at:at] = [""] * (99 - at)
+    (tmp_path / "m.toml").write_text("\n".join(lines).replace("node = 4", "node = 400"))
+    shown = CliRunner().invoke(app, ["check", "--machine", str(tmp_path / "m.toml")])
+    assert "m.toml:100: [[axis]] A: node = 400" in " ".join(shown.output.split()), shown.output
+
+
+def test_a_byte_order_mark_and_a_table_in_single_brackets_are_told_as_what_they_are() -> None:
+    (one,) = mistakes(f"\ufeff{TRUNNION}")
+    assert "byte order mark" in str(one) and one.line == 1
+    (one,) = mistakes(changed(TRUNNION, ("[[axis]]", "[axis]")))
+    head = TRUNNION.splitlines().index("[[axis]]") + 1
+    assert f"line {head} has this table in single brackets" in str(one)
 
 
 def test_of_a_tool_that_is_set_at_the_machine_they_are_told_too() -> None:

@@ -102,6 +102,7 @@ ABSURD = [
     ("point_mm = [0.0, 96.0, 120.0]", "point_mm = [0.0, 96.0, 120_000.0]", "point_mm"),
     ("clearance_mm = 5.0", "clearance_mm = 5_000.0", "clearance_mm = 5000.0"),
     ("lead_mm = 2.0", "lead_mm = 2_000.0", "lead_mm = 2000.0"),
+    ("lead_mm = 2.0", "lead_mm = 2.0\ntip_acceleration_mm_s2 = 0.5", "tip_acceleration_mm_s2 = 0.5"),
     ("tolerance_mm = 0.05 ", "tolerance_mm = 50.0 ", "tolerance_mm = 50.0"),
     ("max_rev_min = 24000", "max_rev_min = 24_000_000", "max_rev_min = 24000000"),
     ("{ method = 37, group = 1, position_mm = 0.0 }", "{ method = 23, fast_mm_s = 900.0 }", "fast_mm_s"),
@@ -111,6 +112,17 @@ ABSURD = [
         "{ method = 23, fast_mm_s = 2.0, slow_mm_s = 20.0 }",
         "faster than fast_mm_s",
     ),
+    (
+        "{ method = 37, group = 1, position_mm = 0.0 }",
+        "{ method = 18, group = 1, position_mm = -290.0 }",
+        "limit switch at the end 300",
+    ),
+    (
+        "{ method = 37, group = 1, position_mm = 0.0 }",
+        "{ method = 1, group = 1, position_mm = 290.0 }",
+        "limit switch at the end -300",
+    ),
+    ('"virtual"', '"soketcan"\nchannel = "can0"', 'interface = "soketcan"'),
     ("radius_mm = 3.0", "radius_mm = 3_000.0", "[[tool]] end mill 6 mm: radius_mm"),
     (
         'by = "hand"',

@@ -105,3 +105,14 @@ def test_an_axis_was_left_beside_the_switch_that_its_search_comes_to_first(
     assert 10 <= ahead[0] <= 41, "a second of the search, less the cam"
     ends = [ground.windows[NEGATIVE][1], ground.windows[POSITIVE][0]]
     assert ends[1] - ends[0] > (120_000_000 if way.switch == HOME else 50_000_000), "the travel is free"
+
+
+def test_a_drive_searches_no_faster_than_its_axis_moves() -> None:
+    """The sheet's 4 000 000 counts/s are too much for an encoder of 4096 counts and a rotary of 1:50."""
+    axis = replace(nodes()[0], velocity_counts_s=51_200.0, homing_fast_counts_s=0, homing_slow_counts_s=0)
+    made = build.drive(axis, Parameters())
+    assert [made.dictionary.get(0x6099, sub) for sub in (1, 2)] == [10_240, 1_024]
+    made.dictionary.reset(0x6000, 0x9FFF)
+    assert made.dictionary.get(0x6099, 1) == 10_240, "after power-on, too"
+    usual = build.drive(replace(axis, velocity_counts_s=4e7), Parameters())
+    assert [usual.dictionary.get(0x6099, sub) for sub in (1, 2)] == [4_000_000, 400_000]
