@@ -19,10 +19,8 @@ SPINDLE_REV_S2 = 200.0  # a spindle motor's own limit, above what a controller a
 # Of a motor over what its axis needs, where nothing else is said.
 QUICK_STOP_SHARE = 2.4  # of a quick stop that the machine file wants over the acceleration: the torque has it
 TORQUE_RESERVE, SPEED_RESERVE = 3.0, 1.05
-SEARCH_SHARE, EDGE_SHARE = (
-    0.2,
-    0.02,
-)  # of the axis' velocity: homing, where the drive's defaults are beyond it
+# Of the axis' velocity: homing, where the drive's defaults are beyond it.
+SEARCH_SHARE, EDGE_SHARE = 0.2, 0.02
 COAST_SHARE, BRAKE_SHARE = 0.25, 1.0  # of the axis' acceleration: what friction and the brake take away
 
 
