@@ -115,7 +115,10 @@ def _drives_off(site: Site) -> Iterator[None]:
     try:
         yield
     finally:
-        site.bench.power(True)
+        if site.bench.stopped_by() is None:
+            site.bench.power(True)
+        else:  # the supply's own input: a fault whether the drives are on or off
+            site.bench.recover()
 
 
 # ---- stops

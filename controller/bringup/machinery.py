@@ -77,6 +77,8 @@ def rotaries(step: Step, site: Site) -> Outcome:
         raise NotDone(message("bringup.no_probe"))
     radius = site.operator.value(message("bringup.ask.sphere"))
     site.by_hand("over_sphere", message("bringup.hand.sphere"))
+    if machine.changer is None and site.bench.tool() != machine.probe.tool:
+        raise NotDone(message("bringup.probe_not_in", tool=machine.probe.tool))
     probe = Probe(tool.length_mm - tool.radius_mm, tool.radius_mm)
     try:
         sphere = _found(site, machine.probe, probe, radius)

@@ -3,22 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
 from controller.bringup.by_hand import SWITCHES
 from controller.bringup.ticks import NotDone, Stop, Ticks
+from controller.faults import Recovery
 from controller.geometry.arrays import Array
 from controller.geometry.vectors import add
 from controller.ipc.handoff import of_axes
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import TOOL_AT_POWER_ON, Machine
 from controller.messages import Message, message, of_error
+from controller.program import modal
 from controller.program.program import ProgramError
 from controller.runtime import checked, simulation, touch_table
 from controller.runtime.startup import SessionError
 from controller.runtime.stepped import SteppedMachine
-from controller.state.fault_table import fault_message
+from controller.state.fault_table import FAULTS, fault_message
 from controller.state.modes import Fault, Mode, Request
 
 LONGEST_S = 10.0  # that a change of mode may take
@@ -60,6 +63,7 @@ class SimulatedBench:
 
     def __init__(self, machine: Machine, stepped: SteppedMachine | None = None) -> None:
         self.machine = machine
+        self._tool = TOOL_AT_POWER_ON
         self.stepped = stepped or SteppedMachine(machine, bench=_sphere(machine))
         if not self._is(Mode.READY):
             self.stepped.come_up()
@@ -73,6 +77,9 @@ class SimulatedBench:
     def run(self, text: str, name: str, dry_run_mm: float = 0.0) -> Ticks:
         task = checked.task(text.encode(), name, self.machine)
         task = checked.standing(task, self.stepped.joints)
+        if self._tool != TOOL_AT_POWER_ON:
+            begun = modal.begun(self.machine)
+            task = replace(task, begin=begun._replace(modal=begun.with_tool(self._tool, self.machine)))
         try:
             run = self.stepped.run(checked.path_of(task, dry_run_mm=dry_run_mm))
         except ProgramError as error:
@@ -114,6 +121,8 @@ class SimulatedBench:
             terminals = self.stepped.rig.drives[axis].inputs
             terminals.set(terminals.word ^ SWITCHES[name], self.stepped.rig.now_s)
         elif what == "over_sphere":
+            if self.machine.changer is None and self.machine.probe is not None:
+                self._tool = self.machine.probe.tool  # put in by hand
             self.run(over_sphere(self.machine), "over_sphere")
         elif what.startswith(STO):
             self.stepped.rig.drives[of].axis.set_sto(pressed, self.stepped.rig.now_s)
@@ -140,7 +149,7 @@ class SimulatedBench:
         self.stepped.request(Request.CLAMPS, float(is_open << index))
 
     def tool(self) -> int:
-        return TOOL_AT_POWER_ON
+        return self._tool
 
     def touches(self) -> str:
         return touch_table.text(self.stepped.planner.touches, self.machine)
@@ -166,9 +175,12 @@ class SimulatedBench:
 
     def recover(self) -> None:
         self.stepped.go(round(0.1 / self.machine.period_s))
+        needs = FAULTS[self.stepped.cycle.modes.fault].recovery
         self.stepped.request(Request.RESET)
         self._until(lambda: self._is(Mode.OFF))
         try:
+            if needs >= Recovery.COMMISSION:
+                self.stepped.commission_again()
             self.stepped.come_up()
         except SessionError as error:
             raise NotDone(of_error(error)) from error

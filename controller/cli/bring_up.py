@@ -234,7 +234,8 @@ def _tell(run: Session, as_json: bool) -> None:
     show.print(table)
     for step in run.steps:
         for axis, name, old, new, why in report.proposed(protocol, step):
-            row = console.say("bringup.report.propose", axis=axis, name=name, old=old, new=new, why=why)
+            key = "bringup.report.propose_spindle" if axis == "spindle" else "bringup.report.propose"
+            row = console.say(key, axis=axis, name=name, old=old, new=new, why=why)
             show.print(row, markup=False, soft_wrap=True)
     tell.print(in_words(report.summary(protocol, run.steps)), markup=False)
     tell.print(console.say("bringup.report.written", file=file), markup=False)

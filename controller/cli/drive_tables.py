@@ -27,7 +27,8 @@ def outcomes(found: Sequence[Outcome]) -> Table:
             at = change.index, change.sub
             was, now = _value(*at, change.was), _value(*at, change.now)
             table.add_row(outcome.name, str(outcome.node), place(*at), was, now, escape(in_words(change.why)))
-        left = say("drive_table.so_and_stored" if outcome.stored else "drives.so", count=outcome.already_so)
+        key = "drive_table.so_and_stored" if outcome.stored else "drive_table.so"
+        left = say(key, count=outcome.already_so)
         table.add_row(outcome.name, str(outcome.node), "", "", "", left)
     return table
 

@@ -88,7 +88,9 @@ def unit_problems(settings: Settings, sheet: Sheet) -> Iterator[Message]:
     if isinstance(settings, IoSettings):
         return
     try:
-        units_of(settings, sheet.default)
+        units = units_of(settings, sheet.default)
+        if isinstance(settings, NodeSettings):
+            tuple(wanted.homing_in_units(settings, units))
     except UnitError as error:
         yield message("on_paper.units", sheet=sheet.name, problem=error.said)
 

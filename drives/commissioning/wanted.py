@@ -115,7 +115,7 @@ def _axis(node: NodeSettings, master: MasterSettings, sheet: Sheet, units: Units
     yield from _limits(node)
     yield from _homing(node)
     if units is not None:
-        yield from _homing_speeds(node, units)
+        yield from homing_in_units(node, units)
     if node.probe_tpdo:
         yield _one(0x60B8, 0, EVERY_TOUCH, message("setting.touch_stored"))
     for write in node.profile.writes:
@@ -441,7 +441,8 @@ def homing_speeds(node: NodeSettings) -> Iterator[tuple[int, int, float, Message
             yield index, sub, counts, message(f"setting.how_fast.{what}")
 
 
-def _homing_speeds(node: NodeSettings, units: Units) -> Iterator[Step]:
+def homing_in_units(node: NodeSettings, units: Units) -> Iterator[Step]:
+    """The same as the drive is told it. Raises UnitError."""
     for index, sub, counts, why in homing_speeds(node):
         convert = units.velocity if index == 0x6099 else units.acceleration
         yield _one(index, sub, convert(counts, where(index, sub)), why)

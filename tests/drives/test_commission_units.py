@@ -10,6 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from drives.commissioning.possible import unit_problems
+from drives.commissioning.sheet import load
 from drives.commissioning.units import UnitError, Units, si, units_of
 from drives.commissioning.wanted import where
 from drives.profile import GENERIC, Encoder
@@ -229,3 +231,19 @@ def test_a_speed_that_no_integer_takes_is_refused() -> None:
     Units(1.0).see_fits(2e9, where(0x60FF))
     with pytest.raises(UnitError, match=r"object 60FFh:00: .* INTEGER32 .* coarser"):
         Units(1e-3).see_fits(4e6, where(0x60FF))
+
+
+def test_a_unit_too_coarse_for_the_speed_of_homing_is_refused_on_paper() -> None:
+    """As commissioning would; a shipped sheet tells no unit, so the machine file's counts."""
+    node = replace(
+        LINEAR,
+        eds="config/eds/simulated_drive.eds",
+        homing_method=24,
+        velocity_unit_counts_s=6000.0,
+        homing_fast_counts_s=20_000.0,
+    )
+    sheet = load(node.eds, node.node)
+    assert not [*unit_problems(replace(node, homing_slow_counts_s=6000.0), sheet)]
+    (problem,) = unit_problems(replace(node, homing_slow_counts_s=2000.0), sheet)
+    said = problem["values"]["problem"]
+    assert said["key"] == "unit.too_coarse" and said["values"]["where"] == where(0x6099, 2)

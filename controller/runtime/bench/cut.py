@@ -101,6 +101,9 @@ class Cutting:
 
     def _tip(self, ahead_s: float) -> Vector:
         """Where it comes to as fast as the motors turn now."""
-        counts = (drive.motor_counts + ahead_s * drive.motor_counts_s for drive in self._drives)
-        joints = self._from_motors([count / per for count, per in zip(counts, self._counts, strict=True)])
+        motors = [
+            (drive.motor_counts + ahead_s * drive.motor_counts_s) * drive.units_per_count / per
+            for drive, per in zip(self._drives, self._counts, strict=True)
+        ]
+        joints = self._from_motors(motors)
         return self._kinematics.forward(joints, self._cut.length_mm).tip

@@ -298,7 +298,10 @@ class Wired:
         now = [drive.motor_counts for drive in self._drives]
         if now == self._before:
             return
-        motors = [counts / per for counts, per in zip(now, self._counts, strict=True)]
+        motors = [
+            counts * drive.units_per_count / per
+            for counts, drive, per in zip(now, self._drives, self._counts, strict=True)
+        ]
         share = self.touched.look(tuple(self._from_motors(motors)))
         if share is not None and self.stuck is None:
             if self._latched:

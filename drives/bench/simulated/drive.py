@@ -327,8 +327,13 @@ class SimulatedDrive(Device):
 
     @property
     def motor_counts(self) -> float:
-        """Where the motor is, in the counting that the drive reports by."""
+        """Where the motor is, in increments of its encoder."""
         return self.axis.servo.shaft
+
+    @property
+    def units_per_count(self) -> float:
+        """Of a position as the drive reports it (6064h); what is written into it may change it."""
+        return self.axis.units.position
 
     @property
     def motor_counts_s(self) -> float:

@@ -24,6 +24,10 @@ SHOP = machine_file.load("shop")
 LEVELS = {name: name == "clamp_A_closed" for name, _ in (SHOP.io.inputs if SHOP.io is not None else ())}
 
 
+TRUNNION = Path(__file__).parents[3] / "config" / "trunnion.toml"
+NO_CHANGER = replace(SHOP, changer=None)
+
+
 @dataclass
 class Bench:
     """A machine whose wires are as ``crossed`` has them: what is worked -> what is seen; "" = nothing."""
@@ -69,6 +73,9 @@ class Bench:
 
     def recover(self) -> None:
         pass
+
+    def tool(self) -> int:
+        return 1
 
 
 class Operator:
@@ -177,3 +184,27 @@ def test_the_centre_of_a_rotary_is_found_by_probe_where_it_is(tmp_path: Path) ->
     (row,) = [one["values"] for one in found.figures if one["values"]["axis"] == "C"]
     assert row["moved_um"] == pytest.approx(1e3 * off_mm, abs=15.0)
     assert [one["values"]["axis"] for one in found.findings] == ["C"]
+
+
+@pytest.mark.slow
+def test_the_contact_of_the_motor_supply_is_seen_and_the_machine_is_up_again(tmp_path: Path) -> None:
+    """It is a fault with the drives off, too, and takes commissioning and homing to come out of."""
+    file = tmp_path / "powered.toml"
+    own = TRUNNION.read_text().replace('"tools.toml"', f'"{TRUNNION.parent / "tools.toml"}"')
+    file.write_text(f"{own}\n[io]\nnode = 11\ninputs = {{ estop = 0, power = 1 }}\n")
+    bench = SimulatedBench(machine_file.load(str(file)))
+    found = done(bench, "inputs", tmp_path)
+    assert found.good and [one["values"]["what"] for one in found.figures] == ["power"]
+    assert bench.stopped_by() is None and done(bench, "brake.Z", tmp_path).good
+
+
+@pytest.mark.slow
+def test_without_a_changer_the_probe_is_put_in_by_hand(tmp_path: Path) -> None:
+    bench = SimulatedBench(NO_CHANGER)
+    assert done(bench, "rotaries", tmp_path).good
+    assert SHOP.probe is not None and bench.tool() == SHOP.probe.tool
+
+
+def test_rotaries_are_not_probed_with_another_tool_than_the_probe(tmp_path: Path) -> None:
+    with pytest.raises(NotDone, match="T99, is not in the spindle"):
+        done(Bench(NO_CHANGER), "rotaries", tmp_path)

@@ -199,3 +199,10 @@ def test_a_machine_that_runs_is_brought_up_by_its_panel(tmp_path: Path) -> None:
         (row,) = [one for one in found["steps"] if one["step"] == "circle.XY"]
         assert row["measured"]["off_mm"] < 0.02
         assert shop.status()["mode"] == "READY"
+
+
+@pytest.mark.slow
+def test_what_is_proposed_of_the_spindle_is_told_with_its_own_table(tmp_path: Path) -> None:
+    words = (str(tmp_path), "--machine", "machining_centre", "--simulate", "--step", "spindle")
+    shown = CliRunner().invoke(app, [*words, "--yes", "spindle"]).stdout
+    assert "[spindle]: spin_up_s = " in shown and "[[axis]]" not in shown

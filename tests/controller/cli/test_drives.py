@@ -46,6 +46,8 @@ def test_commissioning_is_done_once_and_then_already_so(hub: str) -> None:
     assert (change["now"], change["why"]) == (-60_000_000, "the drive must know the axis's travel")
     second = asked("commission", "--channel", hub)
     assert all(not drive["changes"] and drive["already_so"] > 30 for drive in second["drives"])
+    shown = CliRunner().invoke(app, ["commission", "--channel", hub]).stdout
+    assert shown.count("objects were already so") == 5
 
 
 def test_a_scan_puts_the_machine_files_names_to_what_it_finds(hub: str) -> None:

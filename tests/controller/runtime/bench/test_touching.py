@@ -32,6 +32,7 @@ class _Drive:
     """A motor that stands where the test says."""
 
     motor_counts = 0.0
+    units_per_count = 1.0
 
     def strike(self, closed: bool, counts: float, now_s: float) -> None: ...
 
@@ -69,6 +70,22 @@ def test_the_probe_touches_the_part_and_another_tool_the_setter() -> None:
     made.put_in(0, 9.0)
     stand(made, drives, 10.0, sx, sy, sz, 0.0, 0.0)
     assert inputs.told == [], "no tool, no touch"
+
+
+def test_a_motor_that_counts_finer_than_its_drive_reports_touches_at_the_same_place() -> None:
+    """As of a drive with a feed constant (6092h)."""
+    made, drives, inputs = touching()
+    for drive in drives:
+        drive.units_per_count = 1e4
+    made.put_in(99, 0.0)
+    x, y, z = CENTRE.offsets[0].origin
+    for k, height in enumerate((20.0, -0.1), 1):
+        for drive, axis, q in zip(
+            drives, CENTRE.axes, (x + 30.0, y + 20.0, z + 80.0 + height, 0, 0), strict=True
+        ):
+            drive.motor_counts = 1e-4 * q * axis.counts_per_unit
+        made.watch(float(k))
+    assert [on for _, on in inputs.told] == [True]
 
 
 def test_a_tool_that_is_taken_out_while_it_touches_lets_go() -> None:
