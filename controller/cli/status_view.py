@@ -200,9 +200,8 @@ def _job(status: Status) -> Iterator[RenderableType]:
         yield Text(say("no_program"), "dim")
         return
     state = str(job.get("state") or "loaded")
-    values = {key: job.get(key, "-") for key in ("name", "line", "block", "blocks")}
-    values["state"] = word(f"state.{state}", state)
-    yield Text(say("job_block" if job.get("blocks") else "job", **values))
+    values = {key: job.get(key, "-") for key in ("name", "line")}
+    yield Text(say("job", **values, state=word(f"state.{state}", state)))
     share = done(job)
     row = Table.grid(padding=(0, 1))
     row.add_row(

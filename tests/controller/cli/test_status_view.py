@@ -49,7 +49,7 @@ def test_mode_positions_feed_limit_progress_and_time_left_are_shown() -> None:
     for wanted in ("RUNNING", "12.346", "0.001", "F 1000, actual 593 mm/min, limited by Y velocity"):
         assert wanted in told
     assert "override 80 %, rapid 100 %" in told
-    assert "example2_ready.ngc: line 10, block 2 of 7, running" in told
+    assert "example2_ready.ngc: line 10, running" in told
     assert "40 %" in told and "1:01 done, 0:31 left" in told and "control: page" in told
 
 
