@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -185,7 +185,7 @@ class AtTerminal:
         if self._answers.silent:
             raise NotDone(message("bringup.no_value", step=self._step))
         while True:
-            typed: str = typer.prompt(in_words(question), err=True)
+            typed = self._typed(question, message("bringup.no_value", step=self._step))
             try:
                 return _finite(typed)
             except ValueError:
@@ -197,7 +197,19 @@ class AtTerminal:
         return not self._answers.silent and agreed(in_words(question))
 
     def does(self, request: Message) -> None:
-        typer.prompt(in_words(request), default="", show_default=False, err=True)
+        self._typed(request, message("bringup.nobody"), default="", show_default=False)
+
+    @staticmethod
+    def _typed(question: Message, missing: Message, **how: Any) -> str:
+        """Raises NotDone(missing) where the input has ended, and typer.Abort at Ctrl-C."""
+        from controller.bringup.ticks import NotDone
+
+        try:
+            return str(typer.prompt(in_words(question), err=True, **how))
+        except typer.Abort:
+            if sys.stdin.isatty():
+                raise
+            raise NotDone(missing) from None
 
     @contextlib.contextmanager
     def works(self, request: Message) -> Iterator[Callable[[], bool]]:

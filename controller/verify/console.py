@@ -83,9 +83,14 @@ def in_words(text: messages.Message | None) -> str:
 
 
 def agreed(question: str) -> bool:
-    """Asks on standard error, and takes all that is no yes for a no."""
+    """Asks on standard error, and takes all that is no yes for a no, an input that has ended too."""
     asked = say("console.asked", question=question)
-    answer: str = typer.prompt(asked, default="", show_default=False, err=True)
+    try:
+        answer: str = typer.prompt(asked, default="", show_default=False, err=True)
+    except typer.Abort:
+        if sys.stdin.isatty():
+            raise
+        return False
     return answer.strip().lower() in say("console.yes").split()
 
 

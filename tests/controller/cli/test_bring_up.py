@@ -17,6 +17,7 @@ from controller.bringup import charts, protocol, report, steps
 from controller.bringup.conduct import CONDUCT, scale_of
 from controller.bringup.protocol import Outcome
 from controller.bringup.steps import KINDS
+from controller.bringup.ticks import NotDone
 from controller.cli import bring_up
 from controller.machine import machine_file
 from controller.messages import message
@@ -127,6 +128,19 @@ def test_who_types_what_no_gauge_says_is_asked_again(
     operator = bring_up.AtTerminal("scale.X", bring_up.Answers(frozenset(), {}, silent=False))
     assert operator.value(message("bringup.ask.gauge", axis="X", way=10.0, unit="mm")) == 9.98
     assert capsys.readouterr().err.count("9,98 is no number") == 1
+
+
+def test_an_input_that_has_ended_is_no_answer(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("sys.stdin", io.StringIO(""))
+    operator = bring_up.AtTerminal("scale.X", bring_up.Answers(frozenset(), {}, silent=False))
+    question = message("bringup.ask.gauge", axis="X", way=10.0, unit="mm")
+    for ask, key in ((operator.value, "no_value"), (operator.does, "nobody")):
+        with pytest.raises(NotDone) as missing:
+            ask(question)
+        assert missing.value.said["key"] == f"bringup.{key}"
+    assert not operator.confirms(question)
 
 
 def noted(folder: Path, machine: str = "trunnion", good: bool = True) -> protocol.Protocol:
