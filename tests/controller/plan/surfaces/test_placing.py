@@ -9,6 +9,7 @@ import pytest
 from support.oracles.swept_cylinder import nominal, single
 from support.parts.paper_surfaces import example_1, example_2
 from support.parts.random_surfaces import compound
+from support.suite.seed import SEED
 
 from controller.geometry.curves import Bezier
 from controller.geometry.placement import Placed, Strategy
@@ -23,7 +24,10 @@ SEARCHED = placing.CHOSEN_FROM
 
 
 def deviations(surface, cutter, u, v):
-    """What is left (mm) on a grid of points, from every one of many positions: no series, no Newton."""
+    """What is left (mm) on a grid of points, from every one of many positions: no series, no Newton.
+
+    A place of the wall may be cut from far away along the path: where a tool turns, its end is elsewhere.
+    """
     at = np.linspace(0.0, 1.0, DENSE)
     tip, axis = (
         np.array([np.broadcast_to(c, at.shape) for c in vector])
@@ -31,10 +35,9 @@ def deviations(surface, cutter, u, v):
     )
     rows = []
     for x in u:
-        near = np.abs(at - x) < 0.15
         points = np.array([np.broadcast_to(c, v.shape) for c in surface.point(np.full(v.shape, x), v, np)])
-        away = points[:, :, None] - tip[:, None, near]
-        height = (away * axis[:, None, near]).sum(axis=0)
+        away = points[:, :, None] - tip[:, None, :]
+        height = (away * axis[:, None, :]).sum(axis=0)
         across = np.sqrt(np.maximum((away * away).sum(axis=0) - height * height, 0.0))
         radius = abs(cutter.offset_mm) + (height - cutter.shift_mm) * math.tan(cutter.taper_rad)
         rows.append(((across - radius) * math.cos(cutter.taper_rad)).min(axis=1))
@@ -60,11 +63,11 @@ def test_double_cuts_example_2_to_the_figures_of_the_issue(member, radius, paper
     assert largest(place(surface, cutter, Strategy.DOUBLE), cutter) < double
 
 
-# A plain least-squares trial reached 1.4, 8.5, 0.8 and 17 um.
+# A plain least-squares trial reached 1.4, 8.5, 0.8 and 17 um, by a judge that missed places beside a pivot.
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("member", "radius", "double", "optimal"),
-    [(0, 3.0, 8.0, 1.4), (1, 3.0, 60.0, 8.5), (0, -3.0, 8.0, 0.8), (1, -3.0, 70.0, 17.0)],
+    [(0, 3.0, 8.0, 1.4), (1, 3.0, 60.0, 8.7), (0, -3.0, 8.0, 0.8), (1, -3.0, 70.0, 17.0)],
 )
 def test_the_verifier_finds_the_figures_of_the_issue_with_the_end_of_the_cutter(
     member, radius, double, optimal
@@ -176,9 +179,14 @@ def test_an_upper_edge_that_stands_still_at_its_end_has_no_normal_there():
 
 @pytest.mark.slow
 def test_optimal_is_never_worse_than_double_and_double_never_worse_than_single():
-    seed = random.Random().randrange(10**6)
+    seed = random.Random(f"placings {SEED}").randrange(10**6)
     print(f"seeds from {seed}")
     assert_better_placements_are_never_worse(seed, 4)
+
+
+@pytest.mark.slow
+def test_so_it_is_where_the_end_of_the_tool_cuts_elsewhere_than_its_flank():
+    assert_better_placements_are_never_worse(919677, 1)
 
 
 @pytest.mark.soak
