@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from importlib.metadata import entry_points
 
 from controller.geometry.vectors import angle_between
 from controller.machine.axes import Axis, Homing, Kind
@@ -29,7 +30,12 @@ MAX_LEAN_DEG = 1.0  # of a slide from its axis: what is beyond it was built so
 MIN_WINDOW_COUNTS = 2.0  # of the following error: what is below stops the drive at once
 POSITIVE_LIMITS = (2, 18)  # methods of CiA 402 that look for the limit switch in the positive sense,
 LIMIT_SWITCHES = (1, 17, *POSITIVE_LIMITS)  # and those in either
-INTERFACES = ("virtual", "socketcan")
+# Those of python-can 4 (can.interfaces.BACKENDS) and our own; a package of somebody else's may bring more.
+INTERFACES = {
+    *("canalystii", "cantact", "etas", "gs_usb", "iscan", "ixxat", "kvaser", "neousys", "neovi", "nican"),
+    *("nixnet", "pcan", "robotell", "seeedstudio", "serial", "shared", "slcan", "socketcan", "socketcand"),
+    *("systec", "udp_multicast", "usb2can", "vector", "virtual"),
+}
 
 
 def doubts(machine: Machine) -> list[Message]:
@@ -141,13 +147,10 @@ def _check_limit_switch(homing: Reading) -> None:
 
 
 def _check_interface(bus: Reading) -> None:
-    """One of python-can's, which is asked only for names that are not its commonest."""
-    if bus["interface"] in INTERFACES:
-        return
-    from can.interfaces import VALID_INTERFACES
-
-    if bus["interface"] not in VALID_INTERFACES:
-        bus.table.refuse("interface", "no_interface", known=", ".join(sorted(VALID_INTERFACES)))
+    """One of python-can's, or of a package that brings it one."""
+    brought = {one.name for one in entry_points(group="can.interface")}
+    if bus["interface"] not in (known := INTERFACES | brought):
+        bus.table.refuse("interface", "no_interface", known=", ".join(sorted(known)))
 
 
 def _check_run_up(spindle: Reading) -> None:
