@@ -247,7 +247,7 @@ def test_a_machine_of_another_build_is_a_class_and_a_file(tmp_path, monkeypatch)
             '"no_rotaries"',
             "kinematics = .no_rotaries.: is not known; allowed: ",
         ),
-        ('name = "Y"', 'name = "X"', "allowed: X, Y and Z, each once"),
+        ('name = "Y"', 'name = "X"', "an axis above has this name; allowed: each axis once; rename one"),
     ],
 )
 def test_a_file_whose_axes_do_not_fit_is_refused(tmp_path, old: str, new: str, sentence: str) -> None:
