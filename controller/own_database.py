@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from controller import own_files
+from controller import atomic_file, own_files
 from drives.texts import message
 
 BESIDE = ("-wal", "-shm")
@@ -195,6 +195,19 @@ def has_lost(sql: sqlite3.Connection, file: Path) -> bool:
         return _is_bad_after(max(0, good), file)
     finally:
         sql.execute("ROLLBACK")
+
+
+def put_lost_aside(sql: sqlite3.Connection, file: Path) -> Path | None:
+    """Where that is so: what was written ahead is copied, and what can be read of it is in the database; name
+    of the copy. Raises OSError, sqlite3.Error.
+    """
+    if not has_lost(sql, file):
+        return None
+    ahead = file.with_name(f"{file.name}-wal")
+    aside = own_files.aside(ahead)
+    atomic_file.write(aside, own_files.read_bytes(ahead, shared=True), mode=MODE)
+    sql.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+    return aside
 
 
 def _is_bad_after(good: int, file: Path) -> bool:

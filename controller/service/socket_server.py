@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from controller import own_files
-from controller.ipc.asker import ROLES, Asker, name_of, of_request, of_socket
+from controller.ipc.asker import ROLES, Asker, asker, name_of, of_request, of_socket
 from controller.ipc.control_socket import (
     BUFFER_BYTES,
     MAX_ANSWER,
@@ -151,7 +151,8 @@ class Server:
         number = _number(said)
         try:
             verb, args = _verb_and_args(said)
-            with self._noted(verb, args, _asker(said, peer.uid), name_of(peer.uid)) as hear:
+            asker.set(who := _asker(said, peer.uid))
+            with self._noted(verb, args, who, name_of(peer.uid)) as hear:
                 answer = self._handler(verb, args)
                 hear(answer)
         except Exception as error:  # one request's own mistake must not close the door for all

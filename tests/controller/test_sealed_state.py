@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import pytest
+from support.fakes.written_history import indexed
 from support.suite.seed import SEED
 
 from controller import sealed_file
@@ -104,7 +105,7 @@ KINDS = {
     "status": Kind(_last, _status),
     "arranged": Kind(_arranged, lambda state: arrangement.load(state / arrangement.FOLDER, MACHINE)),
     "check": Kind(_checked, lambda state: stored.load("a" * 64, state / "checks")[0]),
-    "run": Kind(_ended, lambda state: runs.list_runs(state) or None),
+    "run": Kind(_ended, lambda state: record_files.known(state / record_files.RUNS / RUN) or None),
     "events": Kind(_events, lambda state: _said(events.recorded(state / events.FILE))),
 }
 
@@ -203,7 +204,7 @@ def test_the_end_of_a_run_that_is_damaged_or_of_another_is_put_aside_and_reporte
     other.write_bytes(file.read_bytes())  # it stands in another's place
     (found,) = runs.put_damaged_aside(tmp_path)
     assert found["key"] == "record_damaged" and found["values"]["file"] == str(other)
-    listed = {run["name"]: run["result"] for run in runs.list_runs(tmp_path)}
+    listed = {run.program: run.result for run in indexed(tmp_path)}
     assert listed == {"part.ngc": "completed", "other.ngc": "lost"}
     file.write_bytes(file.read_bytes()[:-30])
     assert len(runs.put_damaged_aside(tmp_path)) == 1 and not runs.put_damaged_aside(tmp_path)
