@@ -15,8 +15,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from controller.cad import words
-from controller.cad.curve import Array, Nurbs
+from controller.cad.curve import Nurbs
 from controller.cad.strip import Strip
+from controller.geometry.arrays import Array
 from controller.machine.model import Machine, Tool
 from controller.machine.tool_profile import flank_mm
 from controller.messages import TextError, message

@@ -5,8 +5,9 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator
 
-from controller.cad.curve import Array, Nurbs
+from controller.cad.curve import Nurbs
 from controller.cad.strip import Strip
+from controller.geometry.arrays import Array
 
 MAX_COMMENT = 100
 

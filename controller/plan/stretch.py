@@ -13,8 +13,8 @@ from dataclasses import dataclass, field
 from typing import NamedTuple, NoReturn
 
 import numpy as np
-import numpy.typing as npt
 
+from controller.geometry.arrays import Array
 from controller.geometry.curves import Arc, Line
 from controller.geometry.vectors import ROUNDING, Number, Vector, norm, subtract
 from controller.machine.kinematics import Kinematics
@@ -34,8 +34,6 @@ from controller.program.program import (
     Place,
     Probing,
 )
-
-Array = npt.NDArray[np.float64]
 
 STANDS_MM = 1e-6  # X Y Z, or a tip, that moves less stands: s is then the turn in degrees
 

@@ -12,12 +12,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from controller.geometry.arrays import Array
 from controller.geometry.vectors import Frame, norm
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import OFFSETS, Machine, Tool
 from controller.motion.motions import SurfaceCut
 from controller.plan.stretch import Chain, Pause, Stretch
-from controller.post.chords import Array, Form, corners, poses
+from controller.post.chords import Form, corners, poses
 from controller.program.program import Act
 
 PLACES = {Form.TIP: "G43.4", Form.JOINTS: "G49"}

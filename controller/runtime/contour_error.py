@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.geometry.arrays import Array
+from controller.geometry.arrays import Array, Flags
 from controller.geometry.passing_place import LOOK_BACK_S, passing
 from controller.ipc.handoff import COLUMN, of_axes
 from controller.machine.kinematics import Kinematics, kinematics_of
@@ -29,7 +29,6 @@ from controller.program.program import Block, Modal, ProgramError
 from controller.state.live_state import OFF_PATH
 from controller.verify.trace import forward
 
-Flags = NDArray[np.bool_]
 Whole = NDArray[np.int64]
 
 MAX_REPEATS = 2  # rows in which the position of a drive that moves was not heard: they show no error

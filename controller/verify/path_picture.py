@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from controller.geometry.arrays import Array
 from controller.machine.model import Machine
 from controller.plan.report.picture import FEED, RAPID, SURFACE, Shape, points_of
 from controller.verify.console import say
@@ -19,7 +19,6 @@ from controller.verify.console import say
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-Array = NDArray[np.float64]
 
 INCHES, DPI = (16.0, 12.0), 100
 # Okabe and Ito's palette, as in ``plots``.

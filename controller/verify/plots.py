@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from controller.geometry.arrays import Array
 from controller.geometry.surfaces import Surface
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-Array = NDArray[np.float64]
 
 PIXELS = (1600, 1000)
 DPI = 100

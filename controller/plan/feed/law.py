@@ -10,11 +10,9 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
+from controller.geometry.arrays import Array
 from controller.ipc.handoff import Law, Quintic
-
-Array = npt.NDArray[np.float64]
 
 
 def straight(length: float, velocity: float, acceleration: float, jerk: float) -> Law:

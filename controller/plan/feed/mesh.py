@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from controller.geometry import arc_length
+from controller.geometry.arrays import Array
 from controller.geometry.curves import Arc, Even
 from controller.geometry.vectors import ROUNDING
 from controller.motion.motions import JointMove, SurfaceCut, ToolLine
@@ -24,8 +25,6 @@ from controller.plan.feed.limits import JointLimits, ramp_length
 from controller.plan.rotaries.branch import beside_pole
 from controller.plan.stretch import Stretch
 from controller.plan.surfaces.rates import Derivatives
-
-Array = npt.NDArray[np.float64]
 
 SPACING = 0.1  # of samples on anything but lines and arcs, mm
 SAMPLES = (60, 4000)  # on one stretch, at least and at most

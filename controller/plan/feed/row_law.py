@@ -11,8 +11,8 @@ import math
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
+from controller.geometry.arrays import Array
 from controller.plan.feed import barrier, mesh
 from controller.plan.feed.bounds import Bounds
 from controller.plan.feed.course import FeedCourse, Index
@@ -20,8 +20,6 @@ from controller.plan.feed.limits import JointLimits
 from controller.plan.feed.search import COARSE, COARSE_GAP, MIN_KNOTS, SMOOTHING, Law, Search
 from controller.plan.feed.ticked import Ticked, of
 from controller.plan.surfaces.rates import Derivatives
-
-Array = npt.NDArray[np.float64]
 
 ROUNDS = 4
 FINE = 1.002  # of each limit, as ``JointLimits`` of a course has them: good enough ...

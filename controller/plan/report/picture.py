@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller import npz
-from controller.geometry.arrays import distinct
+from controller.geometry.arrays import Array, distinct
 from controller.geometry.curves import Even, Line
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine
@@ -33,7 +33,6 @@ from controller.plan.report.works import work_of
 from controller.plan.stretch import Chain, Pause, Stretch
 from controller.program.program import Act
 
-Array = NDArray[np.float64]
 Whole = NDArray[np.int64]
 
 MAX_POINTS = 20_000

@@ -15,14 +15,12 @@ import itertools
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
+from controller.geometry.arrays import Array
 from controller.plan.feed.binding import Span
 from controller.plan.feed.course import FeedCourse
 from controller.plan.feed.law import along
 from controller.plan.path.path import joints_along
-
-Array = npt.NDArray[np.float64]
 
 STEPS = (-1.5, -1.0, -0.5, 0.0, 0.5, 1.0, 1.5)  # periods about a moment
 DIFFERENCES = np.array(  # of the joints at those: a row each of velocity, acceleration and jerk

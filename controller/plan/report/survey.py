@@ -16,8 +16,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from controller.geometry.arrays import Array
 from controller.geometry.curves import Line
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine
@@ -37,9 +37,6 @@ from controller.plan.surfaces import rates
 from controller.plan.waits import laid
 from controller.program.carried import InForce
 from controller.program.program import Act
-
-Array = npt.NDArray[np.float64]
-
 
 # To so much of a limit the laws of the plan keep an axis: that of jerk is met at the knots of a law, nearly
 # between them. A larger share is a fault of the plan.

@@ -17,9 +17,8 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-from controller.geometry.arrays import rows
+from controller.geometry.arrays import Array, rows
 from controller.geometry.vectors import Pose
 from controller.machine.model import Tool
 from controller.plan.path.path import PathBuilder
@@ -28,8 +27,6 @@ from controller.plan.restart.restart import Source
 from controller.plan.rotaries.branch import joints_along
 from controller.plan.stretch import Chain, Stretch
 from controller.program.program import Block, JointMotion, Modal
-
-Array = npt.NDArray[np.float64]
 
 SPACING_MM = 0.3  # of samples along lines
 LEVEL_MM = 0.05  # heights that are one level

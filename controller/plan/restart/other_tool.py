@@ -17,7 +17,6 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from controller.geometry.vectors import ROUNDING, dot, subtract
 from controller.machine.model import Joints, Machine, Tool
@@ -27,8 +26,6 @@ from controller.plan.restart import contours
 from controller.plan.restart.reentry import NotPossible
 from controller.plan.restart.restart import Rest
 from controller.program.program import Block, JointArc, JointCurve, JointLine, TipLine
-
-Array = npt.NDArray[np.float64]
 
 DEEPER_MM = 0.01  # by which another tool may cut deeper than the one before
 SAMPLES = 400  # heights at which two tools are compared

@@ -10,16 +10,14 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from controller.geometry.arrays import Array
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints
 from controller.plan.restart.program_position import line_of
 from controller.plan.restart.restart import Rest
 from controller.plan.rotaries.branch import joints_along
 from controller.plan.stretch import Chain, Stretch
-
-Array = npt.NDArray[np.float64]
 
 AHEAD_MM = 200.0  # of the path, from the place on: more than a second of cut and the drives' ramps
 STEP_MM = 0.25

@@ -19,7 +19,6 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from controller.geometry.vectors import Vector, add, norm, scale
 from controller.machine.kinematics import Kinematics
@@ -34,8 +33,6 @@ from controller.plan.surfaces.cuts import edge
 from controller.plan.surfaces.leads import LEADS, End
 from controller.plan.surfaces.walls import NONE, Walls
 from controller.program.program import Place
-
-Array = npt.NDArray[np.float64]
 
 RETRACT_MM_S = 10.0  # off the part, and down to where the tool waits or its feed begins
 TURNING_MM_S = 5.0  # to a place of a program that stands, or turns rotaries alone: its feed is not the tip's

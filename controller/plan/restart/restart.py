@@ -14,9 +14,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-import numpy as np
-import numpy.typing as npt
-
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine
 from controller.messages import Message, message
@@ -53,8 +50,6 @@ from controller.program.program import (
     ProgramError,
     TipLine,
 )
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

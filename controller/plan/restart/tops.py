@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from controller.geometry.arrays import rows
 from controller.geometry.vectors import Vector
@@ -12,8 +11,6 @@ from controller.machine.model import Joints
 from controller.motion.motions import SurfaceCut
 from controller.plan.rotaries.branch import joints_along
 from controller.plan.stretch import Stretch
-
-Array = npt.NDArray[np.float64]
 
 SIDE = 33  # samples along a motion
 MAX_POINTS = 20_000  # points

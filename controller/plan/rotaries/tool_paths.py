@@ -9,14 +9,13 @@ import numpy as np
 import numpy.typing as npt
 
 from controller.geometry import series as jets
-from controller.geometry.arrays import columns, distinct
+from controller.geometry.arrays import Array, columns, distinct
 from controller.geometry.vectors import Number, Vector
 from controller.machine.kinematics import Kinematics
 from controller.motion.motions import ROW, ToolLine, ToolSpline
 from controller.plan.rotaries.tool_axes import GreatCircles, follow
 from controller.plan.rotaries.turns import TURN
 
-Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
 
 # Exact derivatives of the rotaries are 0/0 at a pole and lose digits beside it; this

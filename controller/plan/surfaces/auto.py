@@ -13,9 +13,8 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-import numpy.typing as npt
 
-from controller.geometry.arrays import columns
+from controller.geometry.arrays import Array, columns
 from controller.geometry.placement import Placed, Strategy
 from controller.geometry.surfaces import Surface
 from controller.machine.kinematics import Kinematics, kinematics_of
@@ -26,8 +25,6 @@ from controller.plan.surfaces import approach, blending, cuts, leads, placements
 from controller.plan.surfaces.cuts import Cut, Parts
 from controller.plan.surfaces.placing import CHOSEN_FROM, Grid, as_the_paper, base_of
 from controller.program.program import CutBlock, ProgramError
-
-Array = npt.NDArray[np.float64]
 
 MIDDLE = 0.1  # of u: so far from the ends of a block nothing but its cuts counts
 BESIDE = np.linspace(0.0, 1.0, 129)[1:] ** 2  # of a lead, closer where it joins the cut

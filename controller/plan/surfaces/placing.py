@@ -15,8 +15,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from controller.geometry.arrays import Array
 from controller.geometry.placement import AT_LOWER, Barrel, Placed, Strategy
 from controller.geometry.surfaces import Surface
 from controller.machine.model import Tool
@@ -25,8 +25,6 @@ from controller.memory import remembered
 from controller.plan.surfaces import deviation, free_axis, placements
 from controller.plan.surfaces.axis_curves import joined
 from controller.plan.surfaces.free_axis import FINE
-
-Array = npt.NDArray[np.float64]
 
 ALONG, ACROSS = 97, 11  # points of the surface that are looked at
 END = 0.02  # share of u at either end that does not count

@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from controller.geometry import series as jets
-from controller.geometry.arrays import distinct
+from controller.geometry.arrays import Array, distinct
 from controller.geometry.curves import Bezier, Curve, Line
 from controller.geometry.placement import Blend, Blended, Placed
 from controller.geometry.surfaces import RuledSurface, Surface
@@ -35,7 +35,6 @@ from controller.plan.rotaries.branch import joints_along, one_branch
 from controller.plan.stretch import Stretch
 from controller.plan.surfaces.blends import in_arc_length
 
-Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
 Pair = tuple[Number, Number]  # of the rotaries
 Terms = tuple[Vector, Vector, Vector]

@@ -11,10 +11,11 @@ from support.machines.planned_laws import chains, laws_of, sampled
 from support.machines.stepped_runs import SHIPPED, largest, shipped
 from support.parts import cam_lines, cam_programs
 
+from controller.geometry.arrays import Array
 from controller.machine.kinematics import kinematics_of
 from controller.motion.motions import ToolLine, ToolSpline
 from controller.plan.feed import profile
-from controller.plan.feed.course import Array, FeedCourse, Index
+from controller.plan.feed.course import FeedCourse, Index
 from controller.plan.lines import exact_rows
 from controller.plan.look_ahead import WINDOW_S, Orders, Place, Windows
 from controller.plan.surfaces import rates
