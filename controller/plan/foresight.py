@@ -17,7 +17,7 @@ from typing import NamedTuple
 from controller.ipc.handoff import Snapshot
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine
-from controller.plan.look_ahead import NoLaw, Orders, Place, Sent
+from controller.plan.look_ahead import NoLaw, Orders, Sent, TrackPlace
 from controller.plan.planner import Ahead, orders_of
 from controller.plan.report.passing import OWN, place_of
 from controller.plan.report.planned import FULL, windows_along
@@ -71,7 +71,7 @@ def foreseen(
     )
     track = Track((), machine, kinematics)
     foresight = Foresight(track, items, machine, kinematics)
-    ahead = Ahead(track, (), Place(0, 0.0), 0.0)
+    ahead = Ahead(track, (), TrackPlace(0, 0.0), 0.0)
     while foresight.windows < FIRST and foresight.go_on(ahead, 0.0, orders):
         pass
     return None if foresight.refused else foresight.timetable or Timetable(0.0, 0.0)
@@ -92,7 +92,7 @@ class Foresight:
         self._rolled: list[tuple[float, float]] = []  # from and to where they are not told from each other
         self._events: list[Event] = []
         self._from_s = self._end_s = 0.0
-        self._place = Place(0, 0.0)  # where the path goes on after what is foreseen
+        self._place = TrackPlace(0, 0.0)  # where the path goes on after what is foreseen
         self.windows = 0  # that are foreseen, since it was begun
         self._entered = False  # it has come to the program's own motions
         self._over = False  # as far as the path can be foreseen now

@@ -23,8 +23,8 @@ from controller.plan.off_path import Back
 from controller.plan.restart import reentry
 from controller.plan.restart.path_offset import beside
 from controller.plan.restart.program_position import FORMER, Spot
+from controller.plan.restart.reentry import NotPossible
 from controller.plan.restart.restart import Rest
-from controller.plan.retract import NotPossible
 from controller.program.program import ProgramError
 from controller.runtime import children, cores, starts
 from controller.runtime.plan_end import EXPECTED, PLAN_TURN_S, REST_TURN_S, PlanEnd
