@@ -174,8 +174,8 @@ class Windows:
         unit = track.at(place.unit)
         if unit is None:
             return None
-        if isinstance(unit.what, Pause):
-            return self._pause(unit, unit.what, place, start_s, orders)
+        if unit.pause:
+            return self._pause(unit, unit.pause, place, start_s, orders)
         place = TrackPlace(place.unit, max(place.s, unit.begin))
         if place.s >= unit.length - ROUNDING:
             if not unit.rests:
@@ -245,9 +245,9 @@ class Windows:
         units: list[Unit] = []
         takes: list[float] = []
         number, s, start = place.unit, place.s, 0.0
-        while (unit := track.at(number)) is not None and isinstance(unit.what, Stretch):
+        while (unit := track.at(number)) is not None and unit.stretch:
             units.append(unit)
-            takes_s, braking_s = self._unit_takes_s(unit, unit.what, s, orders)
+            takes_s, braking_s = self._unit_takes_s(unit, unit.stretch, s, orders)
             takes.append(takes_s)
             seconds = pace.window_s(seconds, braking_s)
             ends, at_end = _stops_of(unit, orders)
@@ -298,7 +298,7 @@ class Windows:
         return pace.row_takes_s(course, from_s) if is_row(course) else pace.takes_s(course, from_s)
 
     def _forbidden(self, reach: _Reach, orders: Orders) -> bool:
-        return _stands([u.what for u in reach.units if isinstance(u.what, Stretch)], orders)
+        return _stands([unit.stretch for unit in reach.units if unit.stretch], orders)
 
     # --- one window
 
@@ -312,7 +312,7 @@ class Windows:
         orders: Orders,
     ) -> Sent | None:
         units = reach.units
-        stretches = [unit.what for unit in units if isinstance(unit.what, Stretch)]
+        stretches = [unit.stretch for unit in units if unit.stretch]
         begins = [unit.begin for unit in units]
         course = FeedCourse(stretches, self._machine, self._kinematics, *orders.scales, begins)
         found = known.law(course, begin, reach.until, guess)

@@ -178,16 +178,15 @@ class Detour:
         """How a path is gone on with that was left at a place of it, the joints at ``stood``, and where."""
         number, s = place
         while (unit := track.at(number)) is not None:
-            stretch = unit.what if isinstance(unit.what, Stretch) else None
-            clear_mm = track.clear_mm(stood, stretch) if rest is None else rest.target.clear_mm
+            clear_mm = track.clear_mm(stood, unit.stretch) if rest is None else rest.target.clear_mm
             how = (clear_mm, self._machine, self._kinematics)
-            if isinstance(unit.what, Pause):
+            if unit.stretch is None:
                 if track.comes_free(number):
                     return Reentry(stood, 0.0), (track, TrackPlace(number, 0.0))
                 return reentry.enter_pause(stood, unit.what.place, *how), (track, TrackPlace(number, 0.0))
-            found = reentry.begins_at(unit.what, max(s, unit.begin))
+            found = reentry.begins_at(unit.stretch, max(s, unit.begin))
             if found is not None:
-                return reentry.enter(unit.what, found, fitted, *how), (track, TrackPlace(number, found))
+                return reentry.enter(unit.stretch, found, fitted, *how), (track, TrackPlace(number, found))
             number, s = number + 1, 0.0
         raise NotPossible(message("aside.no_return"))
 
@@ -249,7 +248,7 @@ class Detour:
         """The joints at a place of a path; of a pause, where the motion behind it begins; None at the end."""
         number, s = place.unit, place.s
         while (unit := track.at(number)) is not None:
-            if isinstance(unit.what, Stretch):
-                return joints_at(unit.what, s if number == place.unit else unit.begin, self._kinematics)
+            if unit.stretch:
+                return joints_at(unit.stretch, s if number == place.unit else unit.begin, self._kinematics)
             number += 1
         return None

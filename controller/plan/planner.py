@@ -230,17 +230,15 @@ class Planner:
     def _note_touch(self, came: Probed, behind: int) -> None:
         """What came of the probing before that unit, for those who measure."""
         way, pause = self._track.at(behind - 2), self._track.at(behind - 1)
-        if way is None or pause is None:
+        if way is None or pause is None or way.stretch is None or pause.pause is None:
             return
-        if not (isinstance(way.what, Stretch) and isinstance(pause.what, Pause)):
+        if (probe := pause.pause.probe) is None or probe.away:
             return
-        if (probe := pause.what.probe) is None or probe.away:
-            return
-        places = [[q[i] for i in self._machine.linear()] for q in (way.what.start, way.what.end)]
+        places = [[q[i] for i in self._machine.linear()] for q in (way.stretch.start, way.stretch.end)]
         length = math.dist(*places)
         x, y, z = ((b - a) / length for a, b in zip(*places, strict=True))
-        feed_mm_s = way.what.feed_mm_s or 0.0
-        self.touches.append(Touch(pause.line, came, (x, y, z), pause.what.modal.tool, feed_mm_s))
+        feed_mm_s = way.stretch.feed_mm_s or 0.0
+        self.touches.append(Touch(pause.line, came, (x, y, z), pause.pause.modal.tool, feed_mm_s))
 
     def keepalive(self) -> None:
         """Tell the tick that the planner lives."""
@@ -449,7 +447,7 @@ def place_at(
     for sent in queue:
         unit = track.at(sent.first)
         past_s = now.plan_time_s - sent.end_s
-        pauses = unit is not None and isinstance(unit.what, Pause) and past_s < ROUNDING
+        pauses = unit is not None and unit.pause is not None and past_s < ROUNDING
         if pauses and number is not None and sent.first > number:
             return TrackPlace(sent.first, 0.0)  # still to come: the clock is in a motion before it
         if past_s < -ROUNDING or (pauses and unit is not None and unit.line == now.line):

@@ -61,7 +61,7 @@ def _mode(items: Sequence[Chain | Pause], asked: Asked) -> str:
     """How corners are passed; the axis may be off by no more than the chord at the top of the flank."""
     if not asked.blend:
         return "G61"
-    stretches = (one for item in items if isinstance(item, Chain) for one in item.stretches)
+    stretches = (one for item in items for one in item.stretches)
     tallest = max(
         (_ruling_mm(one.motion) for one in stretches if isinstance(one.motion, SurfaceCut)), default=0.0
     )

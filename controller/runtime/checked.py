@@ -307,8 +307,7 @@ def _noted(walk: Walk, notes: Sequence[Note]) -> Walk:
 
 def stretches(walk: Walk) -> dict[int, Stretch]:
     """All stretches of a path by motion id: the planner counts them in the order of the path."""
-    chains = (item for item in walk.items if isinstance(item, Chain))
-    return dict(enumerate(stretch for chain in chains for stretch in chain.stretches))
+    return dict(enumerate(stretch for item in walk.items for stretch in item.stretches))
 
 
 def check(

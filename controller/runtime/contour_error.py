@@ -22,7 +22,6 @@ from controller.geometry.passing_place import LOOK_BACK_S, passing
 from controller.ipc.handoff import COLUMN, of_axes
 from controller.machine.kinematics import Kinematics, kinematics_of
 from controller.machine.model import Machine
-from controller.plan.restart.program_position import order_of
 from controller.plan.stretch import Stretch
 from controller.plan.surfaces.cuts import tolerance_mm
 from controller.program.program import Block, Modal, ProgramError
@@ -71,7 +70,7 @@ class Demands:
         stretch = self._stretches.get(motion_id)
         if stretch is None or stretch.feed_mm_s is None:
             return None
-        order = order_of(stretch, s)
+        order = stretch.order_at(s)
         self._read(order)
         found = bisect_right(self._orders, order)
         return self._demands[max(0, found - 1)] if self._demands else None

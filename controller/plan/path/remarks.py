@@ -11,7 +11,7 @@ from controller.geometry.vectors import ROUNDING
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import TOOL_AT_POWER_ON, Joints, Machine, Tool
 from controller.messages import message
-from controller.motion.motions import ThreadMove, ToolSpline
+from controller.motion.motions import ThreadMove
 from controller.plan.rotaries.branch import joints_along
 from controller.plan.rotaries.turns import SAME_ROTARY_RAD
 from controller.plan.stretch import Chain, Note, Pause, Stretch
@@ -47,9 +47,7 @@ def _plunge(one: Stretch, tool: Tool, kinematics: Kinematics) -> Place | None:
     """The line of a motion at feed that leads down the tool axis more than across it; None: none does."""
     if one.feed_mm_s is None or one.cutting or one.name not in OF_PROGRAM:
         return None
-    motion = one.motion
-    lines = len(motion.lines) if isinstance(motion, ToolSpline) else 1
-    s = np.linspace(0.0, motion.end, min(POSES * lines, MAX_POSES))
+    s = np.linspace(0.0, one.motion.end, min(POSES * len(one.lines), MAX_POSES))
     pose = kinematics.forward(tuple(joints_along(one, s, kinematics).T), tool.length_mm, np)
     way, axis = np.diff(columns(pose.tip, len(s)), axis=0), columns(pose.axis, len(s))[:-1]
     down = -(way * axis).sum(axis=1)
@@ -57,7 +55,7 @@ def _plunge(one: Stretch, tool: Tool, kinematics: Kinematics) -> Place | None:
     k = int(np.argmax(more))
     if more[k] <= ROUNDING:
         return None
-    line = motion.line_at(float(s[k])) if isinstance(motion, ToolSpline) else one.place.line
+    line = one.line_at(float(s[k]))
     return one.place if line == one.place.line else Place(line, 1)
 
 
@@ -81,8 +79,9 @@ def standing_spindle(
 
 def _fed(item: Chain | Pause) -> Place | None:
     """Where a chain first moves at a feed."""
-    stretches = item.stretches if isinstance(item, Chain) else ()
-    fed = (one for one in stretches if one.feed_mm_s is not None and not isinstance(one.motion, ThreadMove))
+    fed = (
+        one for one in item.stretches if one.feed_mm_s is not None and not isinstance(one.motion, ThreadMove)
+    )
     return next((one.place for one in fed), None)
 
 

@@ -164,8 +164,7 @@ def _moments(stretch: Stretch, length: float) -> float:
 
 def _is_even(stretch: Stretch) -> bool:
     """Whether the shares of all limits are the same anywhere on it at an even speed."""
-    motion = stretch.motion
-    return isinstance(motion, JointMove) and isinstance(motion.curve, Line) and stretch.even_feed is not None
+    return stretch.is_straight and stretch.even_feed is not None
 
 
 def _even(course: FeedCourse, look: Look, limits: Array) -> Iterator[Look]:

@@ -169,8 +169,8 @@ class Picture:
         self._last = stretch.end, self._length_mm
         self._new.append((joints, self._length_mm or 0.0, kind, self._motion, lines))
         self._waiting += len(joints)
-        if isinstance(motion, SurfaceCut) and stretch.cutting:
-            self._surface(motion)
+        if stretch.cut:
+            self._surface(stretch.cut)
 
     def _joints(self, stretch: Stretch) -> tuple[Array, Whole]:
         """Joints (n, axes) at so many places that nothing that bends is missed; the lines of the ways."""

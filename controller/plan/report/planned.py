@@ -137,8 +137,8 @@ class _Windows(Windows):
         """Those that follow each other from a unit on."""
         found: list[Stretch] = []
         while len(found) < self._many and (unit := track.at(first + len(found))) is not None:
-            what = unit.what
-            if not isinstance(what, Stretch) or not unit.rests or unit.begin > 0.0 or unit.optional_stop:
+            what = unit.stretch
+            if what is None or not unit.rests or unit.begin > 0.0 or unit.optional_stop:
                 break
             if not profile.is_straight(what, self._machine) or what.scale(*orders.shares) <= 0.0:
                 break
@@ -171,7 +171,7 @@ def _planned(track: Track, sent: Sent) -> Planned:
         return Planned(took_s, None, sent.course, list(sent.spans))
     if sent.course is None or sent.profile is None:
         unit = track.at(sent.first)
-        return Planned(took_s, unit.what if unit and isinstance(unit.what, Pause) else None, None, [])
+        return Planned(took_s, unit.pause if unit else None, None, [])
     spans, begin_s = [], 0.0
     for k, law in sent.laws:
         if begin_s < took_s and law.duration_s > 0.0:

@@ -19,10 +19,9 @@ from typing import Any
 import numpy as np
 
 from controller.geometry.arrays import Array
-from controller.geometry.curves import Line
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine
-from controller.motion.motions import JointMove, SurfaceCut, ToolSpline
+from controller.motion.motions import SurfaceCut
 from controller.plan.feed import binding
 from controller.plan.feed.binding import Span
 from controller.plan.feed.course import FeedCourse
@@ -242,11 +241,10 @@ class _Look:
         for row in moments.rows(course, spans, self._limits):
             self._moments(course, row, setpoints)
         for span in spans:
-            motion = course.stretches[span.stretch].motion
-            cutting = course.stretches[span.stretch].cutting
-            if cutting and isinstance(motion, SurfaceCut) and motion is not self._last_cut:
-                self._cuts.append(motion.end)
-                self._last_cut = motion
+            cut = course.stretches[span.stretch].cut
+            if cut is not None and cut is not self._last_cut:
+                self._cuts.append(cut.end)
+                self._last_cut = cut
 
     def _rest(self, tally: Tally, seconds: float) -> None:
         """A standstill; also what a run is padded by to a whole number of periods."""
@@ -278,8 +276,8 @@ class _Look:
     # ---- blocks
 
     def _of(self, stretch: Stretch) -> Tally:
-        first, last, lines = lines_of(stretch)
-        return self._block(first, last, lines).tally(stretch)
+        lines = stretch.lines
+        return self._block(lines[0], lines[-1], len(lines)).tally(stretch)
 
     def _block(self, first: int, last: int, lines: int) -> _Open:
         """The open block if these lines are its own, or a new one."""
@@ -352,7 +350,7 @@ class _Look:
     def _joints(self, stretch: Stretch, s: Array) -> Array:
         """Where the axes are at the places ``s``, and at both ends of the motion, (N, axes)."""
         ends = [stretch.start, stretch.end]
-        if isinstance(stretch.motion, JointMove) and isinstance(stretch.motion.curve, Line):
+        if stretch.is_straight:
             return np.array(ends)  # nowhere beyond them
         s = np.clip(s[:: max(1, len(s) // 400)], 0.0, stretch.motion.end)
         return np.concatenate([joints_along(stretch, s, self._kinematics), ends])
@@ -372,19 +370,11 @@ def _line(sent: Planned) -> int:
     """The last line of the program in it."""
     if sent.pause is not None:
         return sent.pause.place.line
-    return lines_of(sent.course.stretches[sent.spans[-1].stretch])[1] if sent.course and sent.spans else 0
+    return sent.course.stretches[sent.spans[-1].stretch].lines[-1] if sent.course and sent.spans else 0
 
 
 def _word(act: Act) -> str:
     return act.name.lower().replace("_", " ")
-
-
-def lines_of(stretch: Stretch) -> tuple[int, int, int]:
-    """First and last line of the program in a stretch, and how many."""
-    if isinstance(stretch.motion, ToolSpline):
-        lines = stretch.motion.lines
-        return lines[0], lines[-1], len(lines)
-    return stretch.place.line, stretch.place.line, 1
 
 
 # ---- shares of the limits as drives get them -----------------------------------------------

@@ -24,11 +24,10 @@ from controller.machine.model import Joints, Machine, Tool
 from controller.machine.tool_profile import flank, radii
 from controller.messages import Message, message
 from controller.plan.path.path import PathBuilder
-from controller.plan.restart.program_position import line_of, order_of
 from controller.plan.restart.reentry import NotPossible
 from controller.plan.restart.restart import Rest, Source
 from controller.plan.rotaries.branch import joints_along
-from controller.plan.stretch import Chain, Stretch
+from controller.plan.stretch import Stretch
 from controller.program.program import Block, JointArc, JointCurve, JointLine, JointMotion, Modal, TipLine
 
 DEEPER_MM = 0.01  # by which another tool may cut deeper than the one before
@@ -314,8 +313,8 @@ def _fed(source: Source, tool: int) -> Iterator[tuple[Stretch, float]]:
     tracer = PathBuilder(source.name, machine, source.kinematics, source.start, source.chosen or {})
     before = 0
     for item in tracer.items(read()):
-        for stretch in item.stretches if isinstance(item, Chain) else ():
-            modal = modals.get(order_of(stretch, stretch.motion.end))
+        for stretch in item.stretches:
+            modal = modals.get(stretch.order_at(stretch.motion.end))
             if modal is None or modal.tool != tool or stretch.feed_mm_s is None:
                 before = 0
                 continue
@@ -333,5 +332,5 @@ def _along(stretch: Stretch, beside_mm: float, source: Source, length_mm: float)
     left = np.cross(axes, np.gradient(tips, axis=0))
     size = np.linalg.norm(left, axis=1, keepdims=True)
     left = np.where(size > 0.0, left / np.where(size > 0.0, size, 1.0), 0.0)
-    lines = np.array([line_of(stretch, one) for one in s.tolist()])
+    lines = np.array([stretch.line_at(one) for one in s.tolist()])
     return Samples(tips, axes, left, np.full(count, beside_mm), lines)

@@ -25,7 +25,6 @@ from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine, Tool
 from controller.messages import Message, message, text
 from controller.motion.motions import SurfaceCut
-from controller.plan.restart.program_position import line_of
 from controller.plan.rotaries.branch import joints_along
 from controller.plan.stretch import Stretch, joints_of, rotaries_of, straight, xyz_of
 from controller.plan.surfaces import audit, links
@@ -167,7 +166,7 @@ def _beside_a_surface(
     off = end.straight_off()
     if off is not None and _lets(off, most_mm, fitted, machine, kin):
         return Reentry(off.start, s, (off,), False, most_mm)
-    raise NotPossible(message("aside.no_lead", line=line_of(stretch, s)))
+    raise NotPossible(message("aside.no_lead", line=stretch.line_at(s)))
 
 
 def _lets(lead: Stretch, most_mm: float, fitted: Fitted, machine: Machine, kin: Kinematics) -> bool:

@@ -15,7 +15,6 @@ from typing import NamedTuple
 import numpy as np
 
 from controller.geometry.arrays import Array, columns, distinct
-from controller.geometry.placement import Placed
 from controller.geometry.surfaces import Cone
 from controller.geometry.vectors import Vector, scale
 from controller.machine.kinematics import Kinematics
@@ -100,8 +99,7 @@ class Field:
 
 def _grid(cut: SurfaceCut) -> Array:
     """Samples dense enough that no rotary turns half a turn unseen between two."""
-    surface = cut.surface
-    base = surface.base if isinstance(surface, Placed) else surface
+    base = cut.surface.nominal
     turns = abs(base.sweep_rad) / TURN if isinstance(base, Cone) else 0.0
     even = np.linspace(0.0, 1.0, 129 + 2 * math.ceil(32 * turns))
     return distinct(np.concatenate((even, beside_pole(cut)))) if cut.beside_pole else even

@@ -23,7 +23,7 @@ from controller.plan.rotaries.branch import joints_along
 from controller.plan.stretch import Diagnostics, Stretch
 from controller.plan.surfaces import approach, blending, cuts, leads, placements, train
 from controller.plan.surfaces.cuts import Cut, Parts
-from controller.plan.surfaces.placing import CHOSEN_FROM, Grid, as_the_paper, base_of
+from controller.plan.surfaces.placing import CHOSEN_FROM, Grid, as_the_paper
 from controller.program.program import CutBlock, ProgramError
 
 MIDDLE = 0.1  # of u: so far from the ends of a block nothing but its cuts counts
@@ -45,7 +45,7 @@ def _least_off(parts: Parts, machine: Machine, name: str) -> tuple[Surface, ...]
     ways = [row.placed(kind) for kind in CHOSEN_FROM]
     if all(way == ways[0] for way in ways):
         return ways[0]
-    grids = [[Grid.of(as_the_paper(base_of(one), row.cutter)) for one in way] for way in ways]
+    grids = [[Grid.of(as_the_paper(one.nominal, row.cutter)) for one in way] for way in ways]
     cut = [parts.cuts(way, machine) for way in ways]
     least = [_middle(*each) for each in zip(cut, grids, strict=True)]
     best, found = 0, np.inf
