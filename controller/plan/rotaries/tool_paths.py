@@ -213,7 +213,7 @@ def _orders(
 
 
 def orders(values: tuple[Number, ...], kinematics: Kinematics, s: Array) -> tuple[Array, Array, Array]:
-    """First to third derivatives (N, axes) of joints by the series of X Y Z and both rotaries at ``s`` (N,)."""
+    """First to third derivatives (N, axes) of joints by series of X Y Z and both rotaries at ``s`` (N,)."""
     joints = kinematics.arrange(values)
     first, second, third = (np.stack([_coefficient(q, k, s) for q in joints], axis=1) for k in (1, 2, 3))
     return first, 2.0 * second, 6.0 * third
