@@ -12,6 +12,7 @@ import shutil
 import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from support.fakes import cutting_service
@@ -19,6 +20,7 @@ from support.fakes.fake_engine import served
 from support.suite.other_user import GROUP, PANEL, SERVICE, ends_well, needs_root
 
 from controller.api import own_folder
+from controller.api.routes import bring_up
 from controller.api.store import Store, StoreError
 from controller.api.uploads import UploadLimits
 from controller.plan.report import stored
@@ -142,6 +144,17 @@ def test_the_panel_works_in_its_folder_and_the_controller_reads_programs_there(s
 
     assert ends_well(PANEL, upload) and ends_well(SERVICE, read)
     assert not ends_well(SERVICE, lambda: (own_folder.of(state) / "programs" / "x").write_text(""))
+
+
+def test_the_protocol_of_a_bring_up_at_the_page_is_kept_where_the_panel_may_write(state: Path) -> None:
+    def skips() -> None:
+        with contextlib.closing(Store(state)) as store:
+            protocol, steps = bring_up._opened(SimpleNamespace(store=store))
+            protocol.skip(steps[0].name, "It is not wired.")
+            again, _ = bring_up._opened(SimpleNamespace(store=store))
+            assert [*again.done] == [steps[0].name]
+
+    assert ends_well(PANEL, skips)
 
 
 def test_a_check_that_the_panel_has_forged_is_none_that_a_start_goes_by(state: Path) -> None:
