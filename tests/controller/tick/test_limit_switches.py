@@ -134,7 +134,7 @@ def test_a_drive_that_homes_into_a_pressed_switch_is_stopped() -> None:
         drive.position += round(0.02 * per_mm)
         bench.tick()
         ticks += 1
-    assert bench.fault() == (Fault.LIMIT_SWITCH, X) and 0.02 * ticks <= 2.0 * GIVE
+    assert bench.fault() == (Fault.LIMIT_SWITCH, X) and 0.02 * ticks <= 0.2
     bench.close()
 
 
