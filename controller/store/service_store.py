@@ -388,7 +388,7 @@ def in_memory(file: Path | None) -> sqlite3.Connection:
 
 
 def _empty() -> sqlite3.Connection:
-    return sqlite3.connect(":memory:", isolation_level=None)
+    return sqlite3.connect(":memory:", isolation_level=None, factory=own_database.Connection)
 
 
 def _loaded(file: Path) -> sqlite3.Connection:
