@@ -111,7 +111,7 @@ class Search:
         """None where the state of motion cannot be continued; from rest there is always a law."""
         speed = mesh.estimate(self.parts, self.samples, self.v, self.a)
         step_s = COARSE * self._step(speed)
-        estimated, knots = speed, self._knots_about(speed, step_s)
+        estimated, knots = speed, self._knots(speed, step_s)
         smooth = mesh.smoothed(self.samples, speed, self.a, SMOOTHING * step_s)
         speed = np.minimum(smooth, speed) if self.from_rest else smooth
         bounds = self._bounds_at(*knots, estimated) if len(knots[0]) <= MAX_KNOTS else None
@@ -245,21 +245,14 @@ class Search:
         return float((self.samples.acceleration / self.samples.jerk).min())
 
     def _bounds(self, speed: Array, step_s: float) -> Bounds:
-        return self._bounds_at(*self._knots_about(speed, step_s), speed)
+        return self._bounds_at(*self._knots(speed, step_s), speed)
 
     def _bounds_at(self, s: Array, part: Index, speed: Array) -> Bounds:
         about = np.interp(s, self.samples.s, speed)
         return Bounds(Grid.of(self.parts, s, part, self.from_rest), about)
 
-    def _knots_about(self, speed: Array, step_s: float) -> tuple[Array, Index]:
-        """As ``_knots``, and if there are many, further apart."""
-        found = self._knots(speed, step_s)
-        if (count := len(found[0])) > MAX_KNOTS:  # marks are knots: where these are most, little is won
-            found = self._knots(speed, step_s * min(count / MAX_KNOTS, WIDEST))
-        return found
-
     def _knots(self, speed: Array, step_s: float) -> tuple[Array, Index]:
-        return mesh.knots(self.samples, speed, step_s)
+        return mesh.knots(self.samples, speed, step_s, MAX_KNOTS, WIDEST)
 
     def _coefficients(self, bounds: Bounds, speed: Array) -> Array:
         """Coefficients of about ``speed`` at the samples."""

@@ -26,7 +26,10 @@ from controller.program.program import Block, JointLine, Modal, Tip, TipLine
 
 Line = JointLine | TipLine
 
-FIRST, MOST = 2, 16  # lines after which the corners are looked at: at first, and twice as many each time
+FIRST_LOOK, MAX_LOOK = (
+    2,
+    16,
+)  # lines after which the corners are looked at: at first, and twice as many each time
 EVEN = 1e-9  # of a line's way and turn: two that go on alike run through exactly
 
 
@@ -68,7 +71,7 @@ class Waiting:
     def forget(self) -> None:
         """None of them is wanted any more."""
         self._blocks: list[Line] = []
-        self._look = FIRST
+        self._look = FIRST_LOOK
         self._at: _At | None = None  # where they begin, if they go on with the row before them
 
     def __bool__(self) -> bool:
@@ -109,7 +112,7 @@ class Waiting:
         if taken or final:
             self._at = ats[taken] if in_row else None
         self._blocks = blocks[taken:]
-        more = max(min(2 * self._look, MOST), 2 * len(self._blocks))
+        more = max(min(2 * self._look, MAX_LOOK), 2 * len(self._blocks))
         self._look = rows.WINDOW if in_row else min(more, rows.WINDOW)
         return found
 

@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 from support import older_state
 from support.fakes.fake_engine import served
+from support.faults.harm import harmed, times
 from support.machines import changer_bench
 from support.suite.seed import SEED
 from typer.testing import CliRunner
@@ -175,20 +176,14 @@ def older(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "state"
 
 
-def hurt(source: Path, folder: Path, times: int) -> int:
+def hurt(source: Path, folder: Path, count: int) -> int:
     """Damages one file of a folder after the other, and has all looked at; how often that was noticed."""
     rng, noticed = random.Random(f"{SEED}-{source.parent.name[:5]}"), 0
     shutil.copytree(source, folder)
-    for _ in range(times):
+    for number in range(count):
         file = rng.choice([one for one in sorted(folder.rglob("*")) if one.is_file() and one.stat().st_size])
-        data = bytearray(sound := file.read_bytes())
-        at = rng.randrange(len(data))
-        if rng.random() < 0.75:
-            data[at] ^= 1 << rng.randrange(8)
-        else:
-            del data[at:]
-        file.write_bytes(data)
-        print(SEED, file, at)
+        file.write_bytes(harmed(sound := file.read_bytes(), rng))
+        print(SEED, number, file)
         noticed += any(one.condition == "damaged" and state.in_words(one) for one in state.look(folder))
         for run in sorted((folder / "runs").glob("*")):
             with contextlib.suppress(*recorded_runs.expected(), Refused, OSError):
@@ -204,7 +199,8 @@ def test_whatever_is_damaged_is_a_sentence(whole: Path, older: Path, tmp_path: P
 
 @pytest.mark.slow
 def test_whatever_of_thousands_is_damaged_is_a_sentence(whole: Path, older: Path, tmp_path: Path) -> None:
-    assert hurt(whole, tmp_path / "a", 2000) > 400 and hurt(older, tmp_path / "b", 2000) > 400
+    assert hurt(whole, tmp_path / "a", times(2000)) > times(400)
+    assert hurt(older, tmp_path / "b", times(2000)) > times(400)
 
 
 def test_without_a_state_folder_it_is_refused(tmp_path: Path) -> None:
