@@ -27,7 +27,15 @@ from controller.messages import Key, message
 from controller.plan.look_ahead import TrackPlace
 from controller.plan.restart import entry, other_tool, reentry
 from controller.plan.restart.program_position import ENTRY_ID, Spot
-from controller.plan.restart.reentry import RETRACT_MM_S, Fitted, NotPossible, Reentry, along_axis, joints_at
+from controller.plan.restart.reentry import (
+    RETRACT_MM_S,
+    Entrance,
+    Fitted,
+    NotPossible,
+    Reentry,
+    along_axis,
+    joints_at,
+)
 from controller.plan.restart.restart import Rest, named
 from controller.plan.stretch import Chain, Pause, Stretch, straight
 from controller.plan.track import Track
@@ -160,12 +168,13 @@ class Detour:
             path = Track(rest.opened(rest.items), machine, kinematics, probes=True)
             path.goes_on(left[0])
             left, stood = (path, TrackPlace(0, rest.spot.s)), rest.target.joints
-        onto, (track, place) = self._onto(*left, stood, rest, fitted)
+        entrance = Entrance(machine, kinematics, fitted)
+        onto, (track, place) = self._onto(*left, stood, rest, entrance)
         length_mm = 0.0 if fitted.tool is None else fitted.tool.length_mm
         clear_mm = fitted.walls.height(onto.waits, length_mm, kinematics) + machine.clearance_mm
         clear_mm = max(clear_mm, track.clear_mm(onto.waits))
-        how = (onto, clear_mm, away.place, fitted, machine, kinematics, rest is None)
-        way = self._track(ending(itertools.chain(*entry.way(now.joints, *how)), away.place))
+        ways = entry.way(now.joints, onto, clear_mm, away.place, entrance, has_cut=rest is None)
+        way = self._track(ending(itertools.chain(*ways), away.place))
         track.lead_in(place.unit, onto.s, onto.ways, onto.joins, self._next_id)
         self._next_id += len(onto.ways)
         self._left, away.returning = (track, TrackPlace(place.unit, 0.0 if onto.ways else onto.s)), True
@@ -173,20 +182,20 @@ class Detour:
         return way
 
     def _onto(
-        self, track: Track, place: TrackPlace, stood: Joints, rest: Rest | None, fitted: Fitted
+        self, track: Track, place: TrackPlace, stood: Joints, rest: Rest | None, entrance: Entrance
     ) -> tuple[Reentry, Left]:
         """How a path is gone on with that was left at a place of it, the joints at ``stood``, and where."""
         number, s = place
         while (unit := track.at(number)) is not None:
             clear_mm = track.clear_mm(stood, unit.stretch) if rest is None else rest.target.clear_mm
-            how = (clear_mm, self._machine, self._kinematics)
             if unit.stretch is None:
                 if track.comes_free(number):
                     return Reentry(stood, 0.0), (track, TrackPlace(number, 0.0))
-                return reentry.enter_pause(stood, unit.what.place, *how), (track, TrackPlace(number, 0.0))
+                onto = entrance.enter_pause(stood, unit.what.place, clear_mm)
+                return onto, (track, TrackPlace(number, 0.0))
             found = reentry.begins_at(unit.stretch, max(s, unit.begin))
             if found is not None:
-                return reentry.enter(unit.stretch, found, fitted, *how), (track, TrackPlace(number, found))
+                return entrance.enter(unit.stretch, found, clear_mm), (track, TrackPlace(number, found))
             number, s = number + 1, 0.0
         raise NotPossible(message("aside.no_return"))
 
