@@ -10,7 +10,7 @@ from controller.bringup.protocol import Outcome
 from controller.bringup.site import Site
 from controller.bringup.steps import Step
 from controller.bringup.ticks import NotDone, Ticks
-from controller.calibration import positions, rotary_fit, touch_table
+from controller.calibration import positions, rotary_fit, rotary_report, touch_table
 from controller.calibration.positions import Probe, Sphere
 from controller.calibration.refusal import Refusal
 from controller.geometry.arrays import Array
@@ -88,7 +88,7 @@ def rotaries(step: Step, site: Site) -> Outcome:
         fit = rotary_fit.fit(touches, machine, radius)
     except Refusal as error:
         raise NotDone(error.said) from error
-    told = rotary_fit.report(fit, machine)
+    told = rotary_report.report(fit, machine)
     outcome = Outcome(True, measured={"scatter_um": told["scatter_um"]})
     most_um = 1e3 * (machine.tolerance_mm or AWAY_MM)
     for row in told["rotaries"]:

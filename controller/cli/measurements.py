@@ -25,6 +25,7 @@ from controller.calibration import (
     pictures,
     positions,
     rotary_fit,
+    rotary_report,
     touch_table,
 )
 from controller.calibration.refusal import Refusal
@@ -74,8 +75,8 @@ def rotaries(asked: Asked) -> Found:
     probe = positions.Probe(float(touches.length_mm[0]), float(touches.radius_mm[0]))
     add = values["add"]
     advice = positions.advise(fit.machine, sphere, probe, add, done=touches) if add else None
-    told = rotary_fit.report(fit, made, advice)
-    rotary_fit.refuse_large(told, values["max_mm"], values["max_deg"])
+    told = rotary_report.report(fit, made, advice)
+    rotary_report.refuse_large(told, values["max_mm"], values["max_deg"])
     return Found(told, lambda text: machine_edit.rotaries(text, fit.machine))
 
 

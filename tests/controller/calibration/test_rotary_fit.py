@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from support.machines.hidden_geometry import Errors, Hidden, hidden, probed
 
-from controller.calibration import positions, rotary_fit
+from controller.calibration import positions, rotary_fit, rotary_report
 from controller.calibration.positions import Probe, Sphere
 from controller.calibration.refusal import Refusal
 from controller.geometry.vectors import add, angle_between, cross, norm, subtract, unit
@@ -113,7 +113,7 @@ def test_axes_that_nobody_has_measured_are_told_by_a_larger_bound_that_is_kept(k
 def test_the_dispersion_is_that_of_the_file_before_and_of_the_scatter_after():
     machine = with_tables(machine_file.load("trunnion"))
     _, fit, touches = calibrated(machine, 5, MEASURED, 20)
-    told = rotary_fit.report(fit, machine)
+    told = rotary_report.report(fit, machine)
     assert told["dispersion_um"]["before"]["max"] > 50.0
     assert told["dispersion_um"]["after"]["max"] < 3.0
     assert told["touches"] == len(touches) and told["positions"] == 20
@@ -126,7 +126,7 @@ def test_positions_that_turn_one_rotary_only_leave_the_other_as_it_is_and_say_so
     real, sphere = hidden(machine, rng, Errors()), sphere_on(machine, rng)
     touches = probed(machine, real, sphere, PROBE, [(0.0, 0.4 * k) for k in range(12)], rng)
     fit = rotary_fit.fit(touches, machine, RADIUS)
-    told = rotary_fit.report(fit, machine)
+    told = rotary_report.report(fit, machine)
     assert {name.split(".")[0] for name in told["unseen"]} == {"A"}
     assert told["valuation"] < 5.0
     assert off(fit.machine, real, 4)[0] < fit.bounds()[1][0]
@@ -156,10 +156,10 @@ def test_a_touch_that_is_wrong_is_told():
 def test_a_change_that_is_too_large_is_refused():
     machine = machine_file.load("trunnion")
     _, fit, _ = calibrated(machine, 7, Errors(centre_mm=0.5), 12)
-    told = rotary_fit.report(fit, machine)
-    rotary_fit.refuse_large(told)
+    told = rotary_report.report(fit, machine)
+    rotary_report.refuse_large(told)
     with pytest.raises(Refusal, match="would move by"):
-        rotary_fit.refuse_large(told, max_mm=1e-3)
+        rotary_report.refuse_large(told, max_mm=1e-3)
 
 
 def test_too_few_touches_and_a_machine_without_rotaries_are_refused():
