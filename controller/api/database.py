@@ -199,9 +199,10 @@ class Database:
             own = own_folder.make(folder)
             if not {own_folder.STORE, log_in_marker.FILE} & {*own_files.names(own)}:
                 log_in_marker.write(own, 0)
+            ahead = own_database.ahead(self.file)
             self._sql = own_database.opened(self.file)
             self._sql.row_factory = sqlite3.Row
-            self.lost = own_database.put_lost_aside(self._sql, self.file)
+            self.lost = own_database.put_lost_aside(self._sql, self.file, ahead)
             self._sql.execute("PRAGMA foreign_keys = ON")
             sealed_rows.seal(self._sql, anew=_migrate(self))
         except (OSError, sqlite3.Error) as error:
