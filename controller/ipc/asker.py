@@ -31,6 +31,7 @@ class Asker:
 
 
 asker: ContextVar[Asker | None] = ContextVar("asker", default=None)  # for whom something is asked, or done
+peer: ContextVar[int | None] = ContextVar("peer", default=None)  # the user at the socket; None: nobody else
 
 
 def of_socket(own: socket.socket) -> tuple[int, int]:
