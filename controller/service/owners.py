@@ -68,9 +68,8 @@ class Owners:
         self.journal = Journal(self.store, last=entry)
         for damaged in (*self.store.losses, *losses):
             self.alarms.add(alarms.DAMAGE, damaged)
-        for lost in runs.put_damaged_aside(state):
+        for lost in runs.settle(state):
             self.alarms.add(runs.ALARM, lost)
-        runs.lose(state)
         runs.index(self.store, state)
         sealed_file.mark(state, SEALED)
         self.troubles = Troubles(self.set_up.machine, self.alarms, self.writer)

@@ -307,21 +307,22 @@ def _read(state: Path, name: str, file: str) -> dict[str, Any]:
     return {}
 
 
-def put_damaged_aside(state: Path) -> list[Message]:
-    """Beginnings and ends of runs that cannot be read; what an alarm says of each. Such a run is lost from
-    then on.
+def settle(state: Path) -> list[Message]:
+    """Runs that a service before this one began and did not end are lost: such a run ended when the last of
+    its setpoints was written. What cannot be read of beginnings and ends is put aside, and said by alarms.
     """
     found = []
     for name in own_files.names(state / FOLDER, state):
-        end = state / FOLDER / name / RUN
-        for file in (end, end.with_name(BEGUN)):
-            if not os.path.lexists(file) or _read(state, name, file.name):
-                continue
+        folder = state / FOLDER / name
+        there = [file for file in (folder / RUN, folder / BEGUN) if os.path.lexists(file)]
+        for file in (file for file in there if not _read(state, name, file.name)):
             aside = own_files.put_aside(file, state)
             found.append(message("record_damaged", file=file, aside=aside.name if aside else "-"))
-            with contextlib.suppress(OSError):
-                if not os.path.lexists(end):
-                    _write_facts(end, {**_of_name(name), **_ended(end.parent, state)})
+        with contextlib.suppress(OSError):
+            if there and not os.path.lexists(folder / RUN):
+                begun = _read(state, name, BEGUN) or _of_name(name)
+                _write_facts(folder / RUN, {**begun, **_ended(folder, state)})
+            own_files.remove(folder / BEGUN, state)
     return found
 
 
@@ -336,28 +337,6 @@ def keep(state: Path, name: str, on: bool) -> bool:
     else:
         own_files.remove(file, state)
     return True
-
-
-def lose(state: Path) -> int:
-    """Runs that a service before this one began and did not end are lost; how many.
-
-    Such a run ended when the last of its setpoints was written.
-    """
-    lost = 0
-    for name in own_files.names(state / FOLDER, state):
-        folder = state / FOLDER / name
-        if not os.path.lexists(folder / BEGUN):
-            continue
-        with contextlib.suppress(OSError):
-            if not os.path.lexists(folder / RUN):  # it was killed between the last two steps of an end
-                begun = _read(state, name, BEGUN)
-                facts = {**(begun or _of_name(name)), **_ended(folder, state)}
-                if not begun:
-                    own_files.put_aside(folder / BEGUN, state)
-                _write_facts(folder / RUN, facts)
-                lost += 1
-            own_files.remove(folder / BEGUN, state)
-    return lost
 
 
 def _ended(folder: Path, state: Path) -> dict[str, Any]:

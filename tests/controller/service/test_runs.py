@@ -63,7 +63,7 @@ def told(state: Path) -> Run:
 def test_a_run_whose_service_was_killed_is_lost_and_not_forgotten(tmp_path: Path) -> None:
     folder = killed(tmp_path)
     assert indexed(tmp_path) == [], "it may be under way"
-    assert runs.lose(tmp_path) == 1 and runs.lose(tmp_path) == 0
+    assert runs.settle(tmp_path) == runs.settle(tmp_path) == []
     run = told(tmp_path)
     assert (run.facts["record"], run.program, run.sha256) == (folder.name, "part.ngc", "00")
     assert run.result == "lost" and run.began_s <= run.ended_s
@@ -74,21 +74,21 @@ def test_a_run_whose_service_was_killed_is_lost_and_not_forgotten(tmp_path: Path
 def test_a_run_ended_when_its_last_setpoints_were_written(tmp_path: Path) -> None:
     folder = killed(tmp_path)
     written_s = (folder / "setpoints.part").stat().st_mtime
-    runs.lose(tmp_path)
+    runs.settle(tmp_path)
     assert told(tmp_path).ended_s == written_s
 
 
 @pytest.mark.parametrize("result", ["completed", "stopped", "fault", "interrupted"])
 def test_a_run_that_has_ended_is_not_lost(tmp_path: Path, result: str) -> None:
     begun(tmp_path, 10).end(result)
-    assert runs.lose(tmp_path) == 0
+    assert runs.settle(tmp_path) == []
     assert told(tmp_path).result == result
 
 
 def test_a_start_that_never_went_out_is_no_run(tmp_path: Path) -> None:
     RunRecord(tmp_path, MACHINE, WHAT)  # the service was killed while it planned
     begun(tmp_path).throw_away()
-    assert runs.lose(tmp_path) == 0 and indexed(tmp_path) == []
+    assert runs.settle(tmp_path) == [] and indexed(tmp_path) == []
 
 
 def test_a_service_killed_when_an_end_was_all_but_written_has_ended_it(tmp_path: Path) -> None:
@@ -96,7 +96,7 @@ def test_a_service_killed_when_an_end_was_all_but_written_has_ended_it(tmp_path:
     kept = (record.folder / "begun.json").read_text()
     record.end("completed")
     (record.folder / "begun.json").write_text(kept)
-    assert runs.lose(tmp_path) == 0 and told(tmp_path).result == "completed"
+    assert runs.settle(tmp_path) == [] and told(tmp_path).result == "completed"
     assert not (record.folder / "begun.json").exists()
 
 
@@ -107,7 +107,7 @@ def test_what_is_no_record_hides_no_other(tmp_path: Path, text: str) -> None:
     (tmp_path / "runs" / "a" / "begun.json").write_text(text)
     (tmp_path / "runs" / "2026-11-21T083120.042-part.ngc").mkdir()
     (tmp_path / "runs" / "2026-11-21T083120.042-part.ngc" / "begun.json").write_text(text)
-    assert runs.lose(tmp_path) == 3
+    assert len(runs.settle(tmp_path)) == 2 and runs.settle(tmp_path) == []
     there = {run.facts["record"]: run for run in indexed(tmp_path)}
     assert folder.name in there and "a" in there
     lost = there["2026-11-21T083120.042-part.ngc"]
