@@ -24,12 +24,8 @@ class StatusPublisher:
     def __init__(self, cycle: object, parts: Parts, snapshot: SnapshotBoard, recorder: Recorder) -> None:
         """``cycle``: that of these parts, which owns values of the live state, too."""
         machine, group = parts.machine, parts.group
-        self._group, self._modes, self._follow, self._jogging = (
-            group,
-            parts.modes,
-            parts.follow,
-            parts.jogging,
-        )
+        self._group, self._modes = group, parts.modes
+        self._follow, self._jogging = parts.follow, parts.jogging
         self._encoder = parts.encoder
         others = {"status": self, "cycle": cycle, DRIVES: group.drives}
         self._owners = tuple([others.get(name) or getattr(parts, name) for name in OWNERS])
