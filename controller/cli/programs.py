@@ -48,7 +48,7 @@ from controller.verify.console import (
     spoken,
     tell,
 )
-from controller.verify.rows import Rows
+from controller.verify.tables import Rows
 from controller.workers import Spread
 
 if TYPE_CHECKING:
@@ -666,7 +666,7 @@ def _demo(part: str, out: Path, made: Machine, store: Path | None, unchecked: bo
 def paper(as_json: Json = False) -> None:
     """The paper's comparison, computed: off-line chords, its first-order step, and ours."""
     from controller.verify import paper as comparisons
-    from controller.verify import paper_table
+    from controller.verify import tables
 
     with _refusals(as_json):
         with bar(say("cli.bar.computing"), as_json) as progress:
@@ -674,4 +674,4 @@ def paper(as_json: Json = False) -> None:
         if as_json:
             print(json.dumps({"ok": True, **comparison.to_dict()}))
         else:
-            paper_table.render(comparison, show.console)
+            tables.paper(comparison, show.console)
