@@ -6,19 +6,17 @@ from collections.abc import Callable
 from functools import cache
 
 import pytest
-from support.machines.spindle_machine import IO, SLOWER, Mill, mill
+from support.machines.spindle_machine import IO, SLOWER, Mill, inverters, mill
 
 from controller.ipc.handoff import Snapshot
 from controller.machine.model import Machine
 from controller.program.modal import power_on
 from controller.program.program import ProgramError
-from controller.runtime.bench import surroundings
 from controller.runtime.bench.fault_file import MachineScript
 from controller.runtime.events import Event
 from controller.service import status
 from controller.state.modes import Fault, Mode, Request
 from drives.bench.simulated.data_sheet import key
-from drives.bench.simulated.inverter import Inverter
 
 INVERTER = """
 [spindle]
@@ -69,12 +67,7 @@ class Turned(Mill):
     """A mill with the inverter itself beside it."""
 
     def __init__(self, machine: Machine, monkeypatch: pytest.MonkeyPatch) -> None:
-        made: list[Inverter] = []
-
-        def noted(*args: object) -> None:
-            made.append(Inverter(*args))  # type: ignore[arg-type]
-
-        monkeypatch.setattr(surroundings, "Inverter", noted)
+        made = inverters(monkeypatch)
         self.real: list[float] = []
         super().__init__(machine)
         (self.inverter,) = made

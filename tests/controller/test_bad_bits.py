@@ -296,6 +296,20 @@ def test_a_bad_bit_in_any_frame_that_is_written_ahead_is_noticed(
             assert own_database.has_lost(sql, tmp_path / file) is (at is not None), at
 
 
+@pytest.mark.parametrize("name", DATABASES)
+def test_what_is_cut_off_of_what_was_written_ahead_is_noticed(used: Path, tmp_path: Path, name: str) -> None:
+    """Wherever that is, by what the killed process left beside it, once; nothing is said of what is whole."""
+    file, wal = tmp_path / Path(name).name, (used / f"{name}-wal").read_bytes()
+    for length in (None, 0, 20, 32, *(32 + i * 4120 for i in range(1, frames(used / f"{name}-wal"))), -1):
+        for end in ("", "-shm"):
+            shutil.copyfile(used / f"{name}{end}", f"{file}{end}")
+        Path(f"{file}-wal").write_bytes(wal[:length])
+        for again in (False, True):
+            known = own_database.ahead(file)
+            with contextlib.closing(own_database.opened(file)) as sql:
+                assert own_database.has_lost(sql, file, known) is (length is not None and not again), length
+
+
 def test_what_was_never_committed_is_no_loss(tmp_path: Path) -> None:
     file = tmp_path / "a"
     with contextlib.closing(own_database.opened(file)) as sql:

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import pytest
 from support.machines.shipped_kinds import machine as make_machine
-from support.machines.tick_bench import Bench, s_curve, straight
+from support.machines.tick_bench import Bench
 
-from controller.ipc.handoff import Jog, dwell
+from controller.ipc.handoff import Jog
 from controller.machine import machine_file
 from controller.machine.axes import LimitInputs
 from controller.machine.model import Io, Sense
@@ -48,10 +48,7 @@ class Switched(Bench):
 
     def go(self, there) -> None:
         self.enable()
-        piece, move = straight(HERE, there, lambda n: s_curve(n, 100.0, 1900.0, 48000.0))
-        self.send([piece, dwell(0.0, end=True)], {0: move})
-        self.tick()
-        self.ask(Request.START)
+        self.start_line(HERE, there)
         self.tick(60)
         assert self.snapshot.mode is Mode.RUNNING and not self.cycle.follow.at_rest
 
