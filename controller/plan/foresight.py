@@ -22,7 +22,7 @@ from controller.plan.planner import Ahead, orders_of
 from controller.plan.report.passing import OWN, place_of
 from controller.plan.report.planned import FULL, windows_along
 from controller.plan.restart.program_position import ENTRY_ID, lines_along, part_at
-from controller.plan.stretch import Chain, Pause, Wait
+from controller.plan.segment import Chain, Pause, Wait
 from controller.plan.timetable import MAX_EVENTS, Event, Passed, Timetable, event_of
 from controller.plan.track import Track, Unit
 from controller.plan.waits import OPTIONAL
@@ -233,7 +233,7 @@ class Foresight:
         if unit is None:
             last = self.at(number - 1) if self._own.waits is not None else None
             return None if last is None else (last.order, 1.0, OWN, 0.0)
-        if unit.stretch is None or unit.chain is None:
+        if unit.segment is None or unit.chain is None:
             return unit.order, 0.0, 0, 0.0
         part, fraction = part_at(lines_along(unit.chain)[unit.index], s)
-        return place_of(unit.stretch.name, part.order, fraction, s)
+        return place_of(unit.segment.name, part.order, fraction, s)

@@ -37,7 +37,7 @@ from controller.plan.restart.reentry import (
     joints_at,
 )
 from controller.plan.restart.restart import Rest, named
-from controller.plan.stretch import Chain, Pause, Stretch, straight
+from controller.plan.segment import Chain, Pause, Segment, straight
 from controller.plan.track import Track
 from controller.program import modal
 from controller.program.program import Act, Place
@@ -85,9 +85,9 @@ def retract(
     return ending([] if off is None else [off], place)
 
 
-def ending(way: Iterable[Stretch], place: Place) -> Iterator[Chain | Pause]:
+def ending(way: Iterable[Segment], place: Place) -> Iterator[Chain | Pause]:
     """A way aside: one move after the other, to a stop."""
-    yield from (Chain((stretch,)) for stretch in way)
+    yield from (Chain((segment,)) for segment in way)
     yield Pause(place, modal.power_on().modal, act=Act.STOP)
 
 
@@ -187,15 +187,15 @@ class Detour:
         """How a path is gone on with that was left at a place of it, the joints at ``stood``, and where."""
         number, s = place
         while (unit := track.at(number)) is not None:
-            clear_mm = track.clear_mm(stood, unit.stretch) if rest is None else rest.target.clear_mm
-            if unit.stretch is None:
+            clear_mm = track.clear_mm(stood, unit.segment) if rest is None else rest.target.clear_mm
+            if unit.segment is None:
                 if track.comes_free(number):
                     return Reentry(stood, 0.0), (track, TrackPlace(number, 0.0))
                 onto = entrance.enter_pause(stood, unit.what.place, clear_mm)
                 return onto, (track, TrackPlace(number, 0.0))
-            found = reentry.begins_at(unit.stretch, max(s, unit.begin))
+            found = reentry.begins_at(unit.segment, max(s, unit.begin))
             if found is not None:
-                return entrance.enter(unit.stretch, found, clear_mm), (track, TrackPlace(number, found))
+                return entrance.enter(unit.segment, found, clear_mm), (track, TrackPlace(number, found))
             number, s = number + 1, 0.0
         raise NotPossible(message("aside.no_return"))
 
@@ -257,7 +257,7 @@ class Detour:
         """The joints at a place of a path; of a pause, where the motion behind it begins; None at the end."""
         number, s = place.unit, place.s
         while (unit := track.at(number)) is not None:
-            if unit.stretch:
-                return joints_at(unit.stretch, s if number == place.unit else unit.begin, self._kinematics)
+            if unit.segment:
+                return joints_at(unit.segment, s if number == place.unit else unit.begin, self._kinematics)
             number += 1
         return None

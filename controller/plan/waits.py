@@ -15,7 +15,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 from controller.machine.model import Machine, Spindle
-from controller.plan.stretch import Chain, Pause, Wait
+from controller.plan.segment import Chain, Pause, Wait
 from controller.program.output_words import steps_of
 from controller.program.program import Act, Changing, Level, Place
 

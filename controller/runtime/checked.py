@@ -29,7 +29,7 @@ from controller.plan.report.survey import BlockUse, Survey
 from controller.plan.restart import restart
 from controller.plan.restart.program_position import Spot
 from controller.plan.restart.restart import Rest, Source
-from controller.plan.stretch import Chain, Note, Pause, Stretch
+from controller.plan.segment import Chain, Note, Pause, Segment
 from controller.plan.surfaces import choices, cuts, placements, placing
 from controller.plan.surfaces.walls import NONE, Walls
 from controller.program import blocks, carried, modal
@@ -265,7 +265,7 @@ def _fixed(watched: Watched) -> list[Chain | Pause] | None:
     kept, fixed = list[Chain | Pause](), True
     for item in watched:
         probes = isinstance(item, Pause) and item.probe is not None
-        fixed = fixed and not probes and len(watched.stretches) <= MAX_KEPT
+        fixed = fixed and not probes and len(watched.segments) <= MAX_KEPT
         if fixed:
             kept.append(item)
     return kept if fixed else None
@@ -305,9 +305,9 @@ def _noted(walk: Walk, notes: Sequence[Note]) -> Walk:
     return walk
 
 
-def stretches(walk: Walk) -> dict[int, Stretch]:
-    """All stretches of a path by motion id: the planner counts them in the order of the path."""
-    return dict(enumerate(stretch for item in walk.items for stretch in item.stretches))
+def segments(walk: Walk) -> dict[int, Segment]:
+    """All segments of a path by motion id: the planner counts them in the order of the path."""
+    return dict(enumerate(segment for item in walk.items for segment in item.segments))
 
 
 def check(

@@ -26,7 +26,7 @@ from controller.plan.off_path import Back
 from controller.plan.planner import Planner
 from controller.plan.restart.program_position import Spot
 from controller.plan.restart.reentry import NotPossible
-from controller.plan.stretch import Chain, Pause
+from controller.plan.segment import Chain, Pause
 from controller.program.program import ProgramError
 from controller.runtime import checked, events, starts
 from controller.runtime.checked import Task, Walk

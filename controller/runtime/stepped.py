@@ -35,7 +35,7 @@ from controller.machine.model import Joints, Machine
 from controller.motion.pieces import FIRST_MARK
 from controller.plan.path.path import Chain, Pause
 from controller.plan.planner import Planner
-from controller.plan.stretch import straight
+from controller.plan.segment import straight
 from controller.program.program import Place
 from controller.runtime import cyclic, simulation
 from controller.runtime.contour_error import DemandOf

@@ -19,7 +19,7 @@ from controller.plan.report.stored import Overcut
 from controller.plan.report.survey import MAX_SHARES, BlockUse, Survey
 from controller.plan.report.tally import Bound, Part, bounds
 from controller.plan.report.works import CUTS
-from controller.plan.stretch import motion_named
+from controller.plan.segment import motion_named
 from controller.verify.console import say, word
 
 if TYPE_CHECKING:

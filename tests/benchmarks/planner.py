@@ -131,14 +131,14 @@ def off_lines_mm(file: Path, count: int, step_mm: float) -> float:
     asked = checked.task(file.read_bytes(), file.name, machine)
     corners, off, number = cam_lines.corners(cam_lines.places(count, step_mm)), 0.0, 0
     chains = (item for item in checked.path_of(asked).items if isinstance(item, Chain))
-    for stretch in (stretch for chain in chains for stretch in chain.stretches):
-        motion = stretch.motion
+    for segment in (segment for chain in chains for segment in chain.segments):
+        motion = segment.motion
         if not isinstance(motion, ToolSpline):
             continue
         number += 1
         if number % EVERY == 1:
             s = np.linspace(0.0, motion.end, 2 + int(DENSE * motion.end))
-            joints = path.joints_along(stretch, s, asked.kinematics)
+            joints = path.joints_along(segment, s, asked.kinematics)
             tips = asked.kinematics.forward(joints.T, motion.length_mm, np).tip
             tip = np.array(machine.offsets[0].from_parent(tips)).T
             near = corners[max(0, motion.lines[0] - 6) : motion.lines[-1]]

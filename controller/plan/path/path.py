@@ -27,7 +27,7 @@ from controller.plan.lines.rows import LineRow
 from controller.plan.path import clamps, outputs, poles
 from controller.plan.path.outputs import Switched
 from controller.plan.rotaries.branch import BranchLost, joints_along
-from controller.plan.stretch import Chain, Diagnostics, Note, Path, Pause, Stretch, motion_named, rotaries_of
+from controller.plan.segment import Chain, Diagnostics, Note, Path, Pause, Segment, motion_named, rotaries_of
 from controller.plan.surfaces import (
     approach,
     audit,
@@ -73,7 +73,7 @@ __all__ = [
     "Path",
     "PathBuilder",
     "Pause",
-    "Stretch",
+    "Segment",
     "joints_along",
     "stream",
     "trace",
@@ -81,7 +81,7 @@ __all__ = [
 
 ARC_SAMPLES = 181
 MAX_SAID = 100  # messages that are noted
-LONGEST_CHAIN = 64  # stretches; a longer row of lines comes in parts
+LONGEST_CHAIN = 64  # segments; a longer row of lines comes in parts
 
 
 def trace(program: Program, machine: Machine, kinematics: Kinematics, start: Joints) -> Path:
@@ -119,7 +119,7 @@ class _Way(NamedTuple):
     """Cuts under way: the next train may follow without a retract."""
 
     legs: Sequence[CutSegment]
-    run: list[Stretch]  # of the chain that they end in
+    run: list[Segment]  # of the chain that they end in
 
 
 class PathBuilder:
@@ -143,7 +143,7 @@ class PathBuilder:
         self._waiting = meant.Waiting(machine, kinematics)
         self._exact_lines = exact_rows.ExactLines(machine, kinematics, self._voice)
         self._stand: Stand | None = None  # of the tool after the last block of G43.4 or G43.5
-        self._run: list[Stretch] = []  # feed moves that still run through
+        self._run: list[Segment] = []  # feed moves that still run through
         self._blends_noted = False
         self._way: _Way | None = None  # cuts that are not left yet
         self._said: set[tuple[int, str]] = set()  # line and message that were noted
@@ -248,15 +248,15 @@ class PathBuilder:
     def _exact(self, block: JointMotion) -> None:
         """G0 to G5.2 without a tool-centre mode, as it stands there."""
         machine, kinematics, now = self._machine, self._kinematics, self.now
-        made: Sequence[Stretch | None]
+        made: Sequence[Segment | None]
         if isinstance(block, JointCurve):
-            made = spline_moves.stretches(block, machine, kinematics, now, self._voice)
+            made = spline_moves.segments(block, machine, kinematics, now, self._voice)
         elif isinstance(block, JointLine):
             made = [moves.line(block, machine, kinematics, now)]
         else:
             made = [moves.arc(block, machine, kinematics, now, self._voice)]
-        for stretch in made:
-            self._move(stretch, block.relative)
+        for segment in made:
+            self._move(segment, block.relative)
 
     def _probe(self, block: JointLine | TipLine, probe: Probing) -> None:
         """A line between two pauses: armed at rest, and at rest until it is known what came of it."""
@@ -285,7 +285,7 @@ class PathBuilder:
         """G0 or exact G1 under G43.4 or G43.5."""
         stand = self._standing(block.modal.length_mm)
         machine, kinematics = self._machine, self._kinematics
-        made: list[Stretch] = []
+        made: list[Segment] = []
         if block.feed_mm_s is None and not block.stands:
             following = self._ahead.lines_like(block) if block.axis is not None else []
             wanted = self._chosen.get(block.place.order)
@@ -293,11 +293,11 @@ class PathBuilder:
             made += [one] if one is not None else []
         else:
             made, stand = lines.exact(block, stand, machine, kinematics, self._voice)
-        for stretch in made:
-            if stretch.name == "swivel":
+        for segment in made:
+            if segment.name == "swivel":
                 self._rest()
-            self._move(stretch, block.relative)
-            if stretch.name == "swivel":
+            self._move(segment, block.relative)
+            if segment.name == "swivel":
                 self._rest()
         self._stand = replace(stand, joints=self.now)
 
@@ -440,14 +440,14 @@ class PathBuilder:
             onto = leads.lay(legs, True, self._machine, self._kinematics, self._voice)
             for chain in approach.arrive(legs, onto, self.now, self._machine, self._kinematics):
                 self._chain(chain)
-            run = list(onto.stretches)
+            run = list(onto.segments)
         self._way = _Way(legs, self._cut(legs, meetings, run))
 
     def _legs(self, members: Sequence[cuts.Cut], near: Rotaries) -> list[CutSegment]:
         wanted = self._chosen.get(members[0].block.place.order)
         return train.choose(members, self._machine, self._kinematics, near, self._voice, wanted)
 
-    def _linked(self, members: Sequence[cuts.Cut]) -> tuple[list[CutSegment], list[Stretch]] | None:
+    def _linked(self, members: Sequence[cuts.Cut]) -> tuple[list[CutSegment], list[Segment]] | None:
         """The next train and the run with the link to it; None where the tool goes up between them."""
         if self._way is None:
             return None
@@ -461,14 +461,14 @@ class PathBuilder:
         link = links.lay(before, legs, self._machine, self._kinematics)
         return (legs, [*run, link]) if link is not None else None
 
-    def _entered(self, members: Sequence[cuts.Cut]) -> tuple[list[CutSegment], list[Stretch]] | None:
+    def _entered(self, members: Sequence[cuts.Cut]) -> tuple[list[CutSegment], list[Segment]] | None:
         """The next train and the row that leads over into it; None where the row ends at rest before it."""
         row, self._row = self._row, None
         assert row is not None
         only, chains = row.only if self._way is None else None, self._chains_of(row)
         entered = None
         if chains:
-            last = chains[-1].stretches[-1]
+            last = chains[-1].segments[-1]
             entered = line_blends.onto(last, row.modal, members, self._machine, self._kinematics, self._voice)
         if entered is None:
             self._ended(row, only, chains)
@@ -476,7 +476,7 @@ class PathBuilder:
             return None
         self._rest()
         self._items += chains[:-1]
-        return entered.legs, [*chains[-1].stretches[:-1], entered.row]
+        return entered.legs, [*chains[-1].segments[:-1], entered.row]
 
     def _runs_on(self, block: Feed) -> bool:
         """Whether a line or an arc leads on from the cuts under way; then the path has come to their end."""
@@ -489,7 +489,7 @@ class PathBuilder:
         )
         row.add(block)
         try:
-            first = [stretch for chain in row.chains(True) for stretch in chain.stretches][:1]
+            first = [segment for chain in row.chains(True) for segment in chain.segments][:1]
         except ProgramError:  # it may run from where a departure leads
             first = []
         why = line_blends.departs(way.legs, way.run, first, block.modal, self._machine, self._kinematics)
@@ -504,14 +504,14 @@ class PathBuilder:
         """The cuts under way and the row that begins at their end: blended, or at rest there."""
         assert self._way is not None
         (legs, run), self._way = self._way, None
-        first, *rest = chain.stretches
+        first, *rest = chain.segments
         found = line_blends.off(legs, run, first, modal, self._machine, self._kinematics, self._voice)
         if found is None:
             self._chain(Chain(tuple(run)))
             return chain
-        for stretch in run:
-            self._audit(stretch)
-        return replace(chain, stretches=(*run[:-1], found.cut, found.row, *rest))
+        for segment in run:
+            self._audit(segment)
+        return replace(chain, segments=(*run[:-1], found.cut, found.row, *rest))
 
     def _leave(self) -> None:
         """The end of the cuts that are under way, lead out and departure."""
@@ -519,26 +519,26 @@ class PathBuilder:
             return
         (legs, run), self._way = self._way, None
         off = leads.lay(legs, False, self._machine, self._kinematics, self._voice)
-        self._chain(Chain((*run, *off.stretches)))
+        self._chain(Chain((*run, *off.segments)))
         for chain in approach.depart(legs, off, self._machine, self._kinematics):
             self._chain(chain)
 
     def _cut(
-        self, legs: Sequence[CutSegment], meetings: Sequence[train.Meeting], run: list[Stretch]
-    ) -> list[Stretch]:
+        self, legs: Sequence[CutSegment], meetings: Sequence[train.Meeting], run: list[Segment]
+    ) -> list[Segment]:
         """``run`` with the cuts and the pivots between them; a swivel at a pole stands alone."""
-        run.append(legs[0].stretch)
+        run.append(legs[0].segment)
         for (before, after), meeting in zip(itertools.pairwise(legs), meetings, strict=True):
-            for stretch in approach.between(before, after, meeting, self._kinematics):
-                if stretch.name == "swivel":
-                    self._note(stretch.place, poles.standing(stretch, before, after, self._machine))
+            for segment in approach.between(before, after, meeting, self._kinematics):
+                if segment.name == "swivel":
+                    self._note(segment.place, poles.standing(segment, before, after, self._machine))
                     self._way = None  # of a train before that is linked: here it is
                     self._chain(Chain(tuple(run)))
-                    self._chain(Chain((stretch,)))
+                    self._chain(Chain((segment,)))
                     run = []
                 else:
-                    run.append(stretch)
-            run.append(after.stretch)
+                    run.append(segment)
+            run.append(after.segment)
         return run
 
     # ---- collecting --------------------------------------------------------------
@@ -561,23 +561,23 @@ class PathBuilder:
         self._rest()
         self._items.append(pause)
 
-    def _move(self, stretch: Stretch | None, relative: bool) -> None:
-        """A stretch of G0 to G3: at rest on both sides unless it goes on as its neighbour came."""
-        if stretch is None:
+    def _move(self, segment: Segment | None, relative: bool) -> None:
+        """A segment of G0 to G3: at rest on both sides unless it goes on as its neighbour came."""
+        if segment is None:
             return
-        self._audit(stretch, relative)
-        rapid = stretch.feed_mm_s is None
-        if self._run and (rapid or not self._runs_through(self._run[-1], stretch)):
+        self._audit(segment, relative)
+        rapid = segment.feed_mm_s is None
+        if self._run and (rapid or not self._runs_through(self._run[-1], segment)):
             self._rest()
         if len(self._run) > LONGEST_CHAIN:
             self._items.append(Chain(tuple(self._run), runs_on=True))
             self._run = []
-        self._run.append(stretch)
-        self.now = stretch.end
+        self._run.append(segment)
+        self.now = segment.end
         if rapid:
             self._rest()
 
-    def _runs_through(self, before: Stretch, after: Stretch) -> bool:
+    def _runs_through(self, before: Segment, after: Segment) -> bool:
         return moves.runs_through(before, after) or lines.runs_through(
             before, after, self._machine, self._kinematics
         )
@@ -588,27 +588,27 @@ class PathBuilder:
             self._run = []
 
     def _chain(self, chain: Chain) -> None:
-        for stretch in chain.stretches:
-            self._audit(stretch)
+        for segment in chain.segments:
+            self._audit(segment)
         self._items.append(chain)
-        self.now = chain.stretches[-1].end
+        self.now = chain.segments[-1].end
 
-    def _audit(self, stretch: Stretch, relative: bool = False) -> None:
+    def _audit(self, segment: Segment, relative: bool = False) -> None:
         """Travel of everything that is not a cut: those were audited as their branch was chosen."""
-        if isinstance(stretch.motion, ToolLine):
-            rows.audit_line(stretch, self._machine, self._kinematics, self._voice)
-        turns = isinstance(stretch.motion, SurfaceCut) and not stretch.cutting  # a pivot of placed axes
-        if not isinstance(stretch.motion, JointMove) and not turns:
+        if isinstance(segment.motion, ToolLine):
+            rows.audit_line(segment, self._machine, self._kinematics, self._voice)
+        turns = isinstance(segment.motion, SurfaceCut) and not segment.cutting  # a pivot of placed axes
+        if not isinstance(segment.motion, JointMove) and not turns:
             return
-        excess = audit.outside_at(self._machine, stretch.end)
-        if excess is None and stretch.name in ("arc", "curve", "lead in", "lead out", "pivot", "swivel"):
-            s = np.linspace(0.0, stretch.motion.end, ARC_SAMPLES)
-            excess = audit.outside(self._machine, s, joints_along(stretch, s, self._kinematics))
+        excess = audit.outside_at(self._machine, segment.end)
+        if excess is None and segment.name in ("arc", "curve", "lead in", "lead out", "pivot", "swivel"):
+            s = np.linspace(0.0, segment.motion.end, ARC_SAMPLES)
+            excess = audit.outside(self._machine, s, joints_along(segment, s, self._kinematics))
         if excess is not None:
             axis = self._machine.axes[excess.axis]
-            where = message("travel.in", motion=motion_named(stretch.name)) if stretch.name != "line" else ""
+            where = message("travel.in", motion=motion_named(segment.name)) if segment.name != "line" else ""
             advice: Message = audit.MOVE
             if axis.is_rotary and relative:  # from another turn the same distance may fit
-                a, b = stretch.start[excess.axis], stretch.end[excess.axis]
+                a, b = segment.start[excess.axis], segment.end[excess.axis]
                 advice = unwind.offer(axis, a, min(a, b), max(a, b))
-            self._voice.refuse(stretch.place, audit.describe(axis, excess, where, advice))
+            self._voice.refuse(segment.place, audit.describe(axis, excess, where, advice))

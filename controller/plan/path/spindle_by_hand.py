@@ -13,7 +13,7 @@ from dataclasses import replace
 
 from controller.machine.model import Machine
 from controller.messages import Message, message
-from controller.plan.stretch import Chain, Note, Pause
+from controller.plan.segment import Chain, Note, Pause
 from controller.program.program import Act
 
 _BEFORE = (Act.SPINDLE, Act.COOLANT, Act.OUTPUT, Act.TOOL, Act.END)  # for these nothing has to turn yet

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator
 
 from controller.machine.model import Machine
 from controller.messages import Key, Message, message
-from controller.plan.stretch import Chain, Note, Pause
+from controller.plan.segment import Chain, Note, Pause
 from controller.program import modal
 from controller.program.program import Act, Modal, ProgramError
 

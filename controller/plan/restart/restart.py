@@ -31,7 +31,7 @@ from controller.plan.restart.program_position import (
 )
 from controller.plan.restart.reentry import Entrance, Fitted, begins_at, joints_at
 from controller.plan.restart.tops import Tops
-from controller.plan.stretch import Chain, Pause
+from controller.plan.segment import Chain, Pause
 from controller.plan.surfaces.walls import NONE, Walls
 from controller.program import modal
 from controller.program.modal import State
@@ -137,7 +137,7 @@ def named(items: Iterable[Chain | Pause], first_id: int) -> list[Chain | Pause]:
     for item in items:
         if isinstance(item, Chain):
             made.append(replace(item, first_id=first_id))
-            first_id += len(item.stretches)
+            first_id += len(item.segments)
         else:
             made.append(item)
     return made
@@ -214,8 +214,8 @@ class _Search:
 
     def _pass(self, chain: Chain) -> None:
         self._note_tops(chain)
-        self._count += len(chain.stretches)
-        self._stands = chain.stretches[-1].end
+        self._count += len(chain.segments)
+        self._stands = chain.segments[-1].end
         self._lines.forget(chain.place.order)
 
     # --- where
@@ -231,11 +231,11 @@ class _Search:
         line, fraction, motion_id, s = self._spot
         if motion_id >= 0:
             k = motion_id - self._count
-            return (k, s) if 0 <= k < len(chain.stretches) else None
+            return (k, s) if 0 <= k < len(chain.segments) else None
         self._goes_back |= chain.place.step != 0
         if fraction > 0.0:
             found = place_in(chain, line, fraction)
-            if not self._goes_back and found is None and chain.stretches[0].line_at(0.0) > line:
+            if not self._goes_back and found is None and chain.segments[0].line_at(0.0) > line:
                 raise self._none("restart.moves_nothing")
             return found
         return self._first(chain, line)
@@ -245,20 +245,20 @@ class _Search:
         are carried out in another order than they stand."""
         if self._goes_back:
             return self._first_of(chain, line)
-        for k, stretch in enumerate(chain.stretches):
-            if stretch.line_at(0.0) >= line:
+        for k, segment in enumerate(chain.segments):
+            if segment.line_at(0.0) >= line:
                 return k, 0.0
-            if stretch.line_at(stretch.motion.end) >= line:
+            if segment.line_at(segment.motion.end) >= line:
                 found = place_in(chain, line, 0.0)
-                return found if found is not None else (k, stretch.motion.end)
+                return found if found is not None else (k, segment.motion.end)
         return None
 
     @staticmethod
     def _first_of(chain: Chain, line: int) -> tuple[int, float] | None:
-        for k, stretch in enumerate(chain.stretches):
-            if stretch.place.line == line:
+        for k, segment in enumerate(chain.segments):
+            if segment.place.line == line:
                 return k, 0.0
-            if line in stretch.lines:
+            if line in segment.lines:
                 return place_in(chain, line, 0.0)
         return None
 
@@ -284,12 +284,12 @@ class _Search:
 
     def _from(self, chain: Chain, k: int, s: float) -> Rest:
         """From inside a chain; over the end of rapids that the place is in, and of what cuts nothing."""
-        while chain.stretches[k].feed_mm_s is None or begins_at(chain.stretches[k], s) is None:
-            self._stands = chain.stretches[k].end
-            if k + 1 < len(chain.stretches):
+        while chain.segments[k].feed_mm_s is None or begins_at(chain.segments[k], s) is None:
+            self._stands = chain.segments[k].end
+            if k + 1 < len(chain.segments):
                 k, s = k + 1, 0.0
                 continue
-            self._count += len(chain.stretches)
+            self._count += len(chain.segments)
             after = next(self._items, None)
             if after is None:
                 raise self._none("restart.only_rapid")
@@ -297,20 +297,20 @@ class _Search:
                 return self._at_pause(after)
             chain, k, s = after, 0, 0.0
         self._note_tops(chain)
-        return self._on(chain, k, min(max(s, 0.0), chain.stretches[k].motion.end))
+        return self._on(chain, k, min(max(s, 0.0), chain.segments[k].motion.end))
 
     def _on(self, chain: Chain, k: int, s: float) -> Rest:
-        stretch = chain.stretches[k]
-        s = begins_at(stretch, s) or 0.0
+        segment = chain.segments[k]
+        s = begins_at(segment, s) or 0.0
         self._check_known()
-        order = stretch.order_at(s)
+        order = segment.order_at(s)
         known = self._lines.at(order)
         state = known.moving or known.before
-        joints = joints_at(stretch, s, self._source.kinematics)
-        rest = replace(chain, stretches=chain.stretches[k:], from_s=s, first_id=self._count + k)
-        spot = Spot(stretch.line_at(s), fraction_at(chain, k, s), self._count + k, s)
-        target = entry.Target(joints, state, stretch.place, self._clear(joints, state), stretch, s)
-        return Rest(spot, target, stretch.name, _then(rest, self._items), self._source, order)
+        joints = joints_at(segment, s, self._source.kinematics)
+        rest = replace(chain, segments=chain.segments[k:], from_s=s, first_id=self._count + k)
+        spot = Spot(segment.line_at(s), fraction_at(chain, k, s), self._count + k, s)
+        target = entry.Target(joints, state, segment.place, self._clear(joints, state), segment, s)
+        return Rest(spot, target, segment.name, _then(rest, self._items), self._source, order)
 
     def _at_pause(self, pause: Pause, state: Modal | None = None) -> Rest:
         """``state``: in which it is entered; None: that before the line."""
@@ -330,8 +330,8 @@ class _Search:
         return tool.length_mm if tool is not None else 0.0
 
     def _note_tops(self, chain: Chain) -> None:
-        for stretch in chain.stretches:
-            self._tops.note(stretch, self._length(stretch.place.order))
+        for segment in chain.segments:
+            self._tops.note(segment, self._length(segment.place.order))
 
     def _clear(self, joints: Joints, state: Modal) -> float:
         machine = self._source.machine

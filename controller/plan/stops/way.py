@@ -216,7 +216,7 @@ def _rooms(course: FeedCourse, places: Array, s: Array, v: Array) -> tuple[Array
     for a stop that ends before the junction ahead, and where that one is; -inf where none is near.
     """
     period, limits = course.machine.period_s, course.stop_limits
-    rapid = [course.machine.rapid_share if x.feed_mm_s is None else 1.0 for x in course.stretches]
+    rapid = [course.machine.rapid_share if x.feed_mm_s is None else 1.0 for x in course.segments]
     room = np.tile(np.array(rapid)[course.index(places)], (3, 1))
     before, ahead = room.copy(), np.full(len(places), -np.inf)
     inner = course.starts[1:-1]

@@ -18,7 +18,7 @@ from controller.geometry.splines import BSpline, simplest, splined
 from controller.geometry.surfaces import Surface
 from controller.geometry.vectors import Vector
 from controller.motion.motions import SurfaceCut
-from controller.plan.stretch import Chain, Pause
+from controller.plan.segment import Chain, Pause
 from controller.plan.surfaces.axis_curves import SMOOTH
 
 FORMAT = 4  # another one where the same numbers would mean another pose
@@ -128,7 +128,7 @@ class Noted:
             yield item
 
     def _note(self, chain: Chain) -> None:
-        for stretch in chain.stretches:
-            surface = stretch.motion.surface if isinstance(stretch.motion, SurfaceCut) else None
+        for segment in chain.segments:
+            surface = segment.motion.surface if isinstance(segment.motion, SurfaceCut) else None
             if isinstance(surface, Placed) and surface.name:
                 self.recipes[surface.name] = Recipe.of(surface)

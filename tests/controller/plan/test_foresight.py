@@ -10,7 +10,7 @@ from support.machines.stepped_runs import shipped
 from controller.machine.kinematics import kinematics_of
 from controller.messages import message
 from controller.plan.foresight import foreseen, twice
-from controller.plan.stretch import Chain, Pause
+from controller.plan.segment import Chain, Pause
 from controller.program.modal import power_on
 from controller.program.program import Place, ProgramError
 

@@ -341,9 +341,7 @@ def test_the_path_is_read_only_as_far_as_it_is_needed_and_forgotten_behind() -> 
 
     def endless() -> Iterator[Chain | Pause]:
         nonlocal read
-        back = traced_programs.trace(
-            "G1 F600. X10.\nX0.\nM30\n", desk.machine, chain.stretches[0].start
-        ).items
+        back = traced_programs.trace("G1 F600. X10.\nX0.\nM30\n", desk.machine, chain.segments[0].start).items
         while read < 10_000:
             read += 1
             yield from (item for item in back if isinstance(item, Chain))
@@ -355,7 +353,7 @@ def test_the_path_is_read_only_as_far_as_it_is_needed_and_forgotten_behind() -> 
         desk.at(desk.now.plan_time_s + 0.5)
         desk.fill()
     assert 5 < read < 60
-    assert len(desk.planner._track._kept) < 20 and len(desk.planner.stretches) == 0
+    assert len(desk.planner._track._kept) < 20 and len(desk.planner.segments) == 0
 
 
 def test_a_program_refused_on_the_way_ends_at_rest_and_says_why() -> None:

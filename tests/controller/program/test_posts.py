@@ -13,7 +13,7 @@ from controller.machine.model import Machine
 from controller.machine.spindle import unasked
 from controller.plan.path import path
 from controller.plan.report import explained
-from controller.plan.stretch import Chain
+from controller.plan.segment import Chain
 from controller.program import blocks
 from controller.program.position import homed
 from controller.program.program import JointLine, ProgramError

@@ -19,7 +19,7 @@ from controller.machine import machine_file
 from controller.machine.model import Machine
 from controller.messages import message, text
 from controller.motion.pieces import STANDSTILL
-from controller.plan.stretch import Chain, Pause
+from controller.plan.segment import Chain, Pause
 from controller.runtime import checked, starts
 from controller.runtime.starts import Start
 from controller.runtime.stepped import SteppedMachine

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from support.machines.interrupted_runs import assert_rest_is_cut, distance, stretches
+from support.machines.interrupted_runs import assert_rest_is_cut, distance, segments
 from support.machines.stepped_runs import shipped
 
 from controller.ipc.handoff import COLUMN, PieceMessage, Snapshot
@@ -139,7 +139,7 @@ class Bench:
 
     def assert_cut(self, text: str, machine: Machine, spot: Spot, first: int = 0) -> None:
         rows = np.concatenate(self.rows[first:])
-        wanted = stretches(text, machine)
+        wanted = segments(text, machine)
         assert distance(rows, wanted, self.stepped.kinematics) < SAME
         assert_rest_is_cut(rows, wanted, spot)
 

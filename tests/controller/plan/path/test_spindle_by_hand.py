@@ -11,7 +11,7 @@ from support.machines.stepped_runs import shipped
 from controller.machine import machine_file
 from controller.machine.model import Machine
 from controller.messages import text as in_words
-from controller.plan.stretch import Chain, Pause
+from controller.plan.segment import Chain, Pause
 from controller.program.program import Act, ProgramError
 from controller.runtime import checked
 

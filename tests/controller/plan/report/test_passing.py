@@ -32,10 +32,10 @@ def passing_of(text: str) -> tuple[Passing, float, dict[int, tuple[str, tuple]]]
     made = Passing()
     found = survey(chains(), asked.machine, asked.kinematics, passing=made)
     motions = [
-        (stretch.name, parts)
+        (segment.name, parts)
         for chain in chains()
         if isinstance(chain, Chain)
-        for stretch, parts in zip(chain.stretches, lines_along(chain), strict=True)
+        for segment, parts in zip(chain.segments, lines_along(chain), strict=True)
     ]
     return made, found.duration_s, dict(enumerate(motions))
 
