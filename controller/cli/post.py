@@ -23,7 +23,7 @@ from controller.machine.model import Tool
 from controller.machine.toml_table import ConfigError
 from controller.motion.motions import SurfaceCut
 from controller.plan.report import survey
-from controller.plan.segment import Chain, Pause
+from controller.plan.segment import PathItem
 from controller.post.chords import Form, poses
 from controller.post.text import Asked, post
 from controller.program import blocks, linked
@@ -110,14 +110,14 @@ class _Whole:
     """A program planned to its end."""
 
     watched: Watched
-    items: list[Chain | Pause]
+    items: list[PathItem]
     duration_s: float
 
 
 def _planned(task: checked.Task) -> _Whole:
     walk = checked.path_of(task, checked.chosen_for(task))
     watched = Watched(walk.items)
-    items: list[Chain | Pause] = []
+    items: list[PathItem] = []
 
     def collected() -> Any:
         for item in watched:

@@ -21,11 +21,10 @@ from controller.machine import machine_file
 from controller.machine.model import Joints, Machine
 from controller.machine.toml_table import ConfigError
 from controller.motion.motions import SurfaceCut
-from controller.plan.path.path import Segment
 from controller.plan.report import stored
 from controller.plan.report.picture import Picture, Shape
 from controller.plan.report.survey import Survey
-from controller.plan.segment import Note
+from controller.plan.segment import Note, Segment
 from controller.program import linked
 from controller.program import refusals as refusals_of_text
 from controller.program.program import ProgramError, refused_on_the_way

@@ -26,7 +26,7 @@ from controller.plan.feed import binding, pace
 from controller.plan.feed.course import MAX_SINGLE, REMEMBERED, FeedCourse
 from controller.plan.feed.profile import Profile, State
 from controller.plan.feed.ticked import is_row
-from controller.plan.path.path import Chain, Pause, Segment
+from controller.plan.segment import Chain, Pause, Segment
 from controller.plan.track import Unit
 from controller.plan.waits import SETTING
 from controller.program.program import UNSAID, Act, Await, Level, Outputs, Probing

@@ -37,7 +37,7 @@ from controller.plan.restart.reentry import (
     joints_at,
 )
 from controller.plan.restart.restart import Rest, named
-from controller.plan.segment import Chain, Pause, Segment, straight
+from controller.plan.segment import Chain, PathItem, Pause, Segment, straight
 from controller.plan.track import Track
 from controller.program import modal
 from controller.program.program import Act, Place
@@ -76,7 +76,7 @@ class Aside:
 
 def retract(
     now: Joints, by_mm: float, place: Place, machine: Machine, kinematics: Kinematics
-) -> Iterator[Chain | Pause]:
+) -> Iterator[PathItem]:
     """The way off along the tool axis, to a stop. Raises NotPossible."""
     room = reentry.room_along_axis(now, machine, kinematics)
     if not 0.0 < by_mm <= room:
@@ -85,7 +85,7 @@ def retract(
     return ending([] if off is None else [off], place)
 
 
-def ending(way: Iterable[Segment], place: Place) -> Iterator[Chain | Pause]:
+def ending(way: Iterable[Segment], place: Place) -> Iterator[PathItem]:
     """A way aside: one move after the other, to a stop."""
     yield from (Chain((segment,)) for segment in way)
     yield Pause(place, modal.power_on().modal, act=Act.STOP)
@@ -199,7 +199,7 @@ class Detour:
             number, s = number + 1, 0.0
         raise NotPossible(message("aside.no_return"))
 
-    def _track(self, items: Iterable[Chain | Pause]) -> Track:
+    def _track(self, items: Iterable[PathItem]) -> Track:
         way = named(items, self._next_id)
         self._next_id += len(way)
         return Track(way, self._machine, self._kinematics, ends=False)

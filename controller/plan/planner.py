@@ -33,9 +33,9 @@ from controller.machine.model import Machine
 from controller.messages import message
 from controller.plan.look_ahead import Orders, Sent, TrackPlace, Windows
 from controller.plan.off_path import SAME, Aside, Back, Detour
-from controller.plan.path.path import Chain, Pause, Segment
 from controller.plan.restart.program_position import Spot
 from controller.plan.restart.reentry import NotPossible
+from controller.plan.segment import PathItem, Segment
 from controller.plan.track import Track
 from controller.program.program import Probed, ProgramError
 from controller.state.modes import Mode, Request
@@ -126,7 +126,7 @@ class Planner:
 
     # --- what is to be planned
 
-    def load(self, items: Iterable[Chain | Pause], queue_end_s: float, epoch: int = 0) -> None:
+    def load(self, items: Iterable[PathItem], queue_end_s: float, epoch: int = 0) -> None:
         """Take a path; the first message goes out with the next ``work``."""
         track = Track(items, self._machine, self._kinematics, probes=True)
         self._begin(track, TrackPlace(0, 0.0), queue_end_s, epoch)

@@ -217,6 +217,9 @@ class Pause:
     segments: ClassVar[tuple[Segment, ...]] = ()  # as a chain has them
 
 
+PathItem = Chain | Pause  # what a path is made of
+
+
 @dataclass(frozen=True, slots=True)
 class Note:
     """A decision or a warning that ``check`` shows."""
@@ -249,7 +252,7 @@ def motion_named(name: str) -> Key:
 class Path:
     """A whole program as motion; ``end`` are the joints where it leaves the machine."""
 
-    items: tuple[Chain | Pause, ...]
+    items: tuple[PathItem, ...]
     notes: tuple[Note, ...]
     end: Joints
 

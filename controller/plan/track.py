@@ -19,7 +19,7 @@ from controller.plan.feed import profile
 from controller.plan.restart.program_position import ENTRY_ID, FORMER, Spot, fraction_at
 from controller.plan.restart.reentry import is_free
 from controller.plan.restart.tops import Tops
-from controller.plan.segment import Chain, Pause, Segment
+from controller.plan.segment import Chain, PathItem, Pause, Segment
 from controller.program.program import Act, Probed, Probing, ProgramError
 
 TINY = 1e-9  # of s
@@ -91,7 +91,7 @@ class Track:
 
     def __init__(
         self,
-        items: Iterable[Chain | Pause],
+        items: Iterable[PathItem],
         machine: Machine,
         kinematics: Kinematics,
         ends: bool = True,
@@ -212,7 +212,7 @@ class Track:
         length_mm = getattr(segment.motion, "length_mm", self._length_mm) if segment else self._length_mm
         return max(0.0, self._tops.above(joints, length_mm)) + self._machine.clearance_mm
 
-    def _units(self, items: Iterable[Chain | Pause]) -> Iterator[Unit]:
+    def _units(self, items: Iterable[PathItem]) -> Iterator[Unit]:
         before: Unit | None = None
         try:
             for unit, joined in self._numbered(items):
@@ -229,7 +229,7 @@ class Track:
         if before is not None:
             yield replace(before, last=self._ends)
 
-    def _numbered(self, items: Iterable[Chain | Pause]) -> Iterator[tuple[Unit, bool]]:
+    def _numbered(self, items: Iterable[PathItem]) -> Iterator[tuple[Unit, bool]]:
         """Units with whether they are joined to the one before without a rest."""
         count = 0
         before: Segment | None = None  # that runs on into the next chain by the path's own word

@@ -17,7 +17,7 @@ from controller.geometry.vectors import Frame, norm
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import OFFSETS, Machine, Tool
 from controller.motion.motions import SurfaceCut
-from controller.plan.segment import Chain, Pause, Segment
+from controller.plan.segment import PathItem, Pause, Segment
 from controller.post.chords import Form, corners, poses
 from controller.program.program import Act
 
@@ -43,7 +43,7 @@ class Asked:
         return self.machine.offsets[self.offset]
 
 
-def post(items: Sequence[Chain | Pause], tools: Iterable[tuple[int, Tool]], asked: Asked) -> str:
+def post(items: Sequence[PathItem], tools: Iterable[tuple[int, Tool]], asked: Asked) -> str:
     """The program of a path. ``tools``: from which order of its own blocks on which tool is in the "
     "spindle."""
     writer = _Writer(asked, list(tools))
@@ -57,7 +57,7 @@ def post(items: Sequence[Chain | Pause], tools: Iterable[tuple[int, Tool]], aske
     return "\n".join([*writer.lines, ""])
 
 
-def _mode(items: Sequence[Chain | Pause], asked: Asked) -> str:
+def _mode(items: Sequence[PathItem], asked: Asked) -> str:
     """How corners are passed; the axis may be off by no more than the chord at the top of the flank."""
     if not asked.blend:
         return "G61"

@@ -15,7 +15,7 @@ from controller.motion.motions import SurfaceCut
 from controller.plan.foresight import FIRST, Foresight
 from controller.plan.planner import Planner
 from controller.plan.restart.program_position import ENTRY_ID, LinePart, Spot, lines_along
-from controller.plan.segment import Chain, Pause, Segment
+from controller.plan.segment import Chain, PathItem, Pause, Segment
 from controller.plan.timetable import Timetable
 from controller.program.carried import InForce
 from controller.program.modal import State
@@ -47,7 +47,7 @@ class PathNotes:
         if isinstance(block, Aside):
             self._heard.append(block)
 
-    def watched(self, items: Iterable[Chain | Pause], spot: Spot | None) -> Iterator[Chain | Pause]:
+    def watched(self, items: Iterable[PathItem], spot: Spot | None) -> Iterator[PathItem]:
         """The same path; what it changes the tool to and says is noted as it is read.
 
         ``spot``: it begins inside of the program; what was said before that is not said again, but what
@@ -83,7 +83,7 @@ class PathNotes:
             self.tool, line = pause.modal.tool, pause.place.line
             self._changes[line] = (*self._changes.get(line, ()), self.tool)
 
-    def lines_noted(self, items: Iterable[Chain | Pause], begun: float) -> Iterator[Chain | Pause]:
+    def lines_noted(self, items: Iterable[PathItem], begun: float) -> Iterator[PathItem]:
         """The same path, which begins inside of a line."""
         for item in items:
             if isinstance(item, Chain):

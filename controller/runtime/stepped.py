@@ -33,9 +33,8 @@ from controller.ipc.handoff import (
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Joints, Machine
 from controller.motion.pieces import FIRST_MARK
-from controller.plan.path.path import Chain, Pause
 from controller.plan.planner import Planner
-from controller.plan.segment import straight
+from controller.plan.segment import Chain, PathItem, straight
 from controller.program.program import Place
 from controller.runtime import cyclic, simulation
 from controller.runtime.contour_error import DemandOf
@@ -105,14 +104,14 @@ class Items(Protocol):
     """A path as a whole, or one that is read as it is walked."""
 
     @property
-    def items(self) -> Iterable[Chain | Pause]: ...
+    def items(self) -> Iterable[PathItem]: ...
 
 
 @dataclass(frozen=True, slots=True)
 class Way:
     """A path of a few items."""
 
-    items: Sequence[Chain | Pause]
+    items: Sequence[PathItem]
 
 
 class SteppedMachine:

@@ -17,7 +17,7 @@ from controller.messages import Message, message
 from controller.motion.motions import SurfaceCut
 from controller.plan.report.stored import Overcut
 from controller.plan.report.verdict import Verdict
-from controller.plan.segment import Chain, Note, Pause, Segment
+from controller.plan.segment import Note, PathItem, Segment
 from controller.program.program import Block, Place, ProgramError
 from controller.verify import passes, wording
 from controller.verify.gouges import Findings, Gouge, gouges, in_table
@@ -29,17 +29,17 @@ MAX_WAYS = 20_000  # motions beside cuts that are kept: it bounds the memory
 class Watched:
     """The items of a path as they go by, and what is kept of them: segments by motion id."""
 
-    def __init__(self, items: Iterable[Chain | Pause]) -> None:
+    def __init__(self, items: Iterable[PathItem]) -> None:
         self._items = items
         self.segments: dict[int, Segment] = {}
         self.left_out = 0
 
-    def over(self, items: Iterable[Chain | Pause]) -> Watched:
+    def over(self, items: Iterable[PathItem]) -> Watched:
         """Itself, to watch these."""
         self._items = items
         return self
 
-    def __iter__(self) -> Iterator[Chain | Pause]:
+    def __iter__(self) -> Iterator[PathItem]:
         number, ways = count(), 0
         for item in self._items:
             for segment in item.segments:

@@ -20,7 +20,7 @@ from controller.geometry import arc_length
 from controller.machine import machine_file
 from controller.machine.model import Machine
 from controller.motion.motions import SurfaceCut
-from controller.plan.path.path import Segment
+from controller.plan.segment import Segment
 from controller.program.program import ProgramError
 from controller.runtime.events import Event
 from controller.state.modes import Request

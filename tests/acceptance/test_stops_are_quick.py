@@ -19,7 +19,7 @@ from support.oracles.trace_limits import assert_in_limits
 from support.parts.random_surfaces import compound, text
 
 from controller.machine.model import Machine
-from controller.plan.path.path import joints_along
+from controller.plan.rotaries.branch import joints_along
 from controller.program.program import ProgramError
 from controller.runtime.events import Event
 from controller.state.modes import Request

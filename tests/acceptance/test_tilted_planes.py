@@ -13,7 +13,7 @@ from support.oracles.tilted_planes import Array, Bench
 
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
-from controller.plan.path.path import joints_along
+from controller.plan.rotaries.branch import joints_along
 from controller.program.position import homed
 
 LENGTH = 12.5

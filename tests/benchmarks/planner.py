@@ -123,8 +123,8 @@ def off_lines_mm(file: Path, count: int, step_mm: float) -> float:
 
     from controller.machine import machine_file
     from controller.motion.motions import ToolSpline
-    from controller.plan.path import path
-    from controller.plan.path.path import Chain
+    from controller.plan.rotaries.branch import joints_along
+    from controller.plan.segment import Chain
     from controller.runtime import checked
 
     machine = machine_file.load("trunnion")
@@ -138,7 +138,7 @@ def off_lines_mm(file: Path, count: int, step_mm: float) -> float:
         number += 1
         if number % EVERY == 1:
             s = np.linspace(0.0, motion.end, 2 + int(DENSE * motion.end))
-            joints = path.joints_along(segment, s, asked.kinematics)
+            joints = joints_along(segment, s, asked.kinematics)
             tips = asked.kinematics.forward(joints.T, motion.length_mm, np).tip
             tip = np.array(machine.offsets[0].from_parent(tips)).T
             near = corners[max(0, motion.lines[0] - 6) : motion.lines[-1]]

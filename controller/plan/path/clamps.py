@@ -15,7 +15,7 @@ from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine
 from controller.motion.motions import JointMove
 from controller.plan.rotaries.branch import joints_along
-from controller.plan.segment import Chain, Pause, Segment
+from controller.plan.segment import Chain, PathItem, Pause, Segment
 from controller.program import modal
 from controller.program.program import Act
 
@@ -24,9 +24,7 @@ MOVES = 1e-7  # mm or rad: less is no motion, but rounding
 CLOSING = (Act.STOP, Act.OPTIONAL_STOP, Act.TOOL, Act.END)  # somebody may reach into the machine
 
 
-def opened(
-    items: Iterable[Chain | Pause], machine: Machine, kinematics: Kinematics
-) -> Iterator[Chain | Pause]:
+def opened(items: Iterable[PathItem], machine: Machine, kinematics: Kinematics) -> Iterator[PathItem]:
     """The path with a pause wherever other clamps are to be open than before."""
     clamped = [i for i, axis in enumerate(machine.axes) if axis.clamp is not None]
     if not clamped:

@@ -16,7 +16,7 @@ from controller.machine.model import Machine
 from controller.messages import message
 from controller.motion.motions import ThreadMove
 from controller.plan.lines.corners import Feed
-from controller.plan.segment import Chain, Diagnostics, Pause, Segment
+from controller.plan.segment import Chain, Diagnostics, PathItem, Segment
 from controller.program.program import (
     ENABLED,
     UNSAID,
@@ -72,7 +72,7 @@ class Switched:
             yield block
         yield from waiting
 
-    def laid(self, items: Iterable[Chain | Pause]) -> Iterator[Chain | Pause]:
+    def laid(self, items: Iterable[PathItem]) -> Iterator[PathItem]:
         """The same path; the segments come in the order of their blocks."""
         for item in items:
             if isinstance(item, Chain) and self._stops:

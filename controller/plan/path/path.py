@@ -26,8 +26,18 @@ from controller.plan.lines.lines import Stand
 from controller.plan.lines.rows import LineRow
 from controller.plan.path import clamps, outputs, poles
 from controller.plan.path.outputs import Switched
-from controller.plan.rotaries.branch import BranchLost, joints_along
-from controller.plan.segment import Chain, Diagnostics, Note, Path, Pause, Segment, motion_named, rotaries_of
+from controller.plan.rotaries.branch import joints_along
+from controller.plan.segment import (
+    Chain,
+    Diagnostics,
+    Note,
+    Path,
+    PathItem,
+    Pause,
+    Segment,
+    motion_named,
+    rotaries_of,
+)
 from controller.plan.surfaces import (
     approach,
     audit,
@@ -66,19 +76,6 @@ from controller.program.program import (
     TipLine,
 )
 
-__all__ = [
-    "BranchLost",
-    "Chain",
-    "Note",
-    "Path",
-    "PathBuilder",
-    "Pause",
-    "Segment",
-    "joints_along",
-    "stream",
-    "trace",
-]
-
 ARC_SAMPLES = 181
 MAX_SAID = 100  # messages that are noted
 LONGEST_CHAIN = 64  # segments; a longer row of lines comes in parts
@@ -106,7 +103,7 @@ def stream(
     kinematics: Kinematics,
     start: Joints,
     chosen: Mapping[int, Rotaries] | None = None,
-) -> Iterator[Chain | Pause]:
+) -> Iterator[PathItem]:
     """As ``trace``, item by item and without the notes; no more of the program is held than a window.
 
     ``chosen``: rotaries (rad) at the start of a train of cuts or at a G0 with a tool vector, by
@@ -136,7 +133,7 @@ class PathBuilder:
         self._machine, self._kinematics = machine, kinematics
         self._chosen = chosen  # rotaries at the start of a train, by the order of its first block
         self._voice = Diagnostics(name, self._note)
-        self._items: list[Chain | Pause] = []  # not given away yet
+        self._items: list[PathItem] = []  # not given away yet
         self._ahead = Ahead(iter(()))
         self.notes: list[Note] = []
         self._row: LineRow | None = None  # of lines and arcs under G64 P, or of lines that run on
@@ -149,13 +146,13 @@ class PathBuilder:
         self._said: set[tuple[int, str]] = set()  # line and message that were noted
         self.now = start
 
-    def items(self, blocks: Iterable[Block]) -> Iterator[Chain | Pause]:
+    def items(self, blocks: Iterable[Block]) -> Iterator[PathItem]:
         """The path of all blocks, as it is made; before a block that is refused comes all that is sound."""
         switched = Switched(self._machine)
         items = switched.laid(self._sound_items(switched.read(blocks)))
         return clamps.opened(items, self._machine, self._kinematics)
 
-    def _sound_items(self, blocks: Iterable[Block]) -> Iterator[Chain | Pause]:
+    def _sound_items(self, blocks: Iterable[Block]) -> Iterator[PathItem]:
         try:
             yield from self._items_of(blocks)
         except ProgramError as error:
@@ -169,7 +166,7 @@ class PathBuilder:
             yield from self._made()
             raise first from None
 
-    def _items_of(self, blocks: Iterable[Block]) -> Iterator[Chain | Pause]:
+    def _items_of(self, blocks: Iterable[Block]) -> Iterator[PathItem]:
         self._ahead = Ahead(self._heard(blocks))
         for is_cut, group in itertools.groupby(self._ahead, lambda b: isinstance(b, CutBlock)):
             if is_cut:
@@ -199,7 +196,7 @@ class PathBuilder:
                 self._said.add(words)
                 self._note(block.place, message("note.says", text=block.text))
 
-    def _made(self) -> list[Chain | Pause]:
+    def _made(self) -> list[PathItem]:
         made, self._items = self._items, []
         return made
 

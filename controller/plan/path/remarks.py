@@ -14,7 +14,7 @@ from controller.messages import message
 from controller.motion.motions import ThreadMove
 from controller.plan.rotaries.branch import joints_along
 from controller.plan.rotaries.turns import SAME_ROTARY_RAD
-from controller.plan.segment import Chain, Note, Pause, Segment
+from controller.plan.segment import Chain, Note, PathItem, Pause, Segment
 from controller.program.program import Place
 
 OF_PROGRAM = ("line", "arc", "curve")  # names of motions that a program writes itself
@@ -22,8 +22,8 @@ POSES, MAX_POSES = 9, 4000  # that are looked at: for each line of a motion, and
 
 
 def plunges(
-    items: Iterable[Chain | Pause], machine: Machine, kinematics: Kinematics, note: Callable[[Note], None]
-) -> Iterator[Chain | Pause]:
+    items: Iterable[PathItem], machine: Machine, kinematics: Kinematics, note: Callable[[Note], None]
+) -> Iterator[PathItem]:
     """Notes of each tool that does not cut over its centre the first line at feed which leads it down its
     axis.
 
@@ -60,8 +60,8 @@ def _plunge(one: Segment, tool: Tool, kinematics: Kinematics) -> Place | None:
 
 
 def standing_spindle(
-    items: Iterable[Chain | Pause], machine: Machine, note: Callable[[Note], None]
-) -> Iterator[Chain | Pause]:
+    items: Iterable[PathItem], machine: Machine, note: Callable[[Note], None]
+) -> Iterator[PathItem]:
     """Notes the first feed move before the spindle ever turns.
 
     Surfaces are refused without it. Where no spindle is, and where the operator switches it as he likes,
@@ -77,7 +77,7 @@ def standing_spindle(
         yield item
 
 
-def _fed(item: Chain | Pause) -> Place | None:
+def _fed(item: PathItem) -> Place | None:
     """Where a chain first moves at a feed."""
     fed = (
         one for one in item.segments if one.feed_mm_s is not None and not isinstance(one.motion, ThreadMove)
@@ -86,8 +86,8 @@ def _fed(item: Chain | Pause) -> Place | None:
 
 
 def changed_rotaries(
-    items: Iterable[Chain | Pause], machine: Machine, start: Joints, note: Callable[[Note], None]
-) -> Iterator[Chain | Pause]:
+    items: Iterable[PathItem], machine: Machine, start: Joints, note: Callable[[Note], None]
+) -> Iterator[PathItem]:
     """Notes each tool change that ends with a rotary elsewhere: M6 names no axis, and the tool may be askew.
 
     The places are those of the changer's steps in the machine file (``move_deg`` of ``[changer]``); a change

@@ -12,13 +12,13 @@ import numpy as np
 
 from controller.machine.model import MAX_PROGRAM_H, Machine
 from controller.messages import Key, message
-from controller.plan.segment import Chain, Pause, Segment
+from controller.plan.segment import PathItem, Pause, Segment
 from controller.program.program import Place, ProgramError
 
 HOUR_S = 3600.0
 
 
-def _parts(item: Chain | Pause, machine: Machine) -> list[tuple[Place, float]]:
+def _parts(item: PathItem, machine: Machine) -> list[tuple[Place, float]]:
     if isinstance(item, Pause):
         return [(item.place, item.seconds)]
     return [(segment.place, _least_s(segment, machine)) for segment in item.segments]
@@ -37,9 +37,7 @@ def _least_s(segment: Segment, machine: Machine) -> float:
     return max(turned_s, float((lengths / segment.feed_at(starts)).sum()))
 
 
-def bounded(
-    items: Iterable[Chain | Pause], machine: Machine, name: str, whole: bool = True
-) -> Iterator[Chain | Pause]:
+def bounded(items: Iterable[PathItem], machine: Machine, name: str, whole: bool = True) -> Iterator[PathItem]:
     """The same path; raises ProgramError where it takes longer than ``machine.longest_program_h``.
 
     ``whole``: the rest of it is read before, so that its whole time can be told.

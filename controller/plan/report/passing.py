@@ -26,7 +26,7 @@ from controller.plan.feed.course import FeedCourse
 from controller.plan.feed.law import along_each
 from controller.plan.report.planned import Planned
 from controller.plan.restart.program_position import LinePart, lines_along, part_at
-from controller.plan.segment import Chain, Pause, Segment, Wait
+from controller.plan.segment import Chain, PathItem, Segment, Wait
 from controller.plan.timetable import MAX_EVENTS, Event, Passed, event_of
 from controller.plan.waits import OPTIONAL
 
@@ -61,7 +61,7 @@ class Passing:
         self._now_s = 0.0
         self._apart_s = 0.0  # of two marks, at the least
 
-    def watched(self, items: Iterable[Chain | Pause]) -> Iterator[Chain | Pause]:
+    def watched(self, items: Iterable[PathItem]) -> Iterator[PathItem]:
         """The same path."""
         for item in items:
             if isinstance(item, Chain):

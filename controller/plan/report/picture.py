@@ -28,9 +28,9 @@ from controller.geometry.curves import Even, Line
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine
 from controller.motion.motions import JointMove, SurfaceCut, ToolLine, ToolSpline
-from controller.plan.path.path import joints_along
 from controller.plan.report.works import work_of
-from controller.plan.segment import Chain, Pause, Segment
+from controller.plan.rotaries.branch import joints_along
+from controller.plan.segment import Chain, PathItem, Segment
 from controller.program.program import Act
 
 Whole = NDArray[np.int64]
@@ -114,7 +114,7 @@ class Picture:
     _last: tuple[Joints, float | None] | None = None  # where the path has come to, with which length
     _length_mm: float | None = None  # of the tool in the spindle, as far as the path has told
 
-    def watched(self, items: Iterable[Chain | Pause]) -> Iterator[Chain | Pause]:
+    def watched(self, items: Iterable[PathItem]) -> Iterator[PathItem]:
         """The same path; what it looks like is noted as it is read."""
         for item in items:
             if isinstance(item, Chain):

@@ -33,9 +33,8 @@ from controller.plan.look_ahead import (
     Units,
     Windows,
 )
-from controller.plan.path.path import Chain, Pause
 from controller.plan.planner import RETRY_S
-from controller.plan.segment import Segment
+from controller.plan.segment import PathItem, Pause, Segment
 from controller.plan.track import Track
 
 SIGHT = 2.0 * WHOLE_SHARE  # times a window of motion at the feed: none looks as far ahead
@@ -56,7 +55,7 @@ class Planned(NamedTuple):
     spans: list[Span]  # of the course
 
 
-def planned(items: Iterable[Chain | Pause], machine: Machine, kinematics: Kinematics) -> Iterator[Planned]:
+def planned(items: Iterable[PathItem], machine: Machine, kinematics: Kinematics) -> Iterator[Planned]:
     """The planner's own windows over a whole path, each up to where the next one replaces it.
 
     Raises ProgramError where the path is refused on the way.

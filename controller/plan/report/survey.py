@@ -26,13 +26,14 @@ from controller.plan.feed import binding
 from controller.plan.feed.binding import Span
 from controller.plan.feed.course import FeedCourse
 from controller.plan.feed.law import along
-from controller.plan.path.path import Chain, Pause, Segment, joints_along
 from controller.plan.report import moments, works
 from controller.plan.report.passing import Passing
 from controller.plan.report.planned import Planned, planned
 from controller.plan.report.tally import Bound, Part, Tally, bounds
 from controller.plan.report.tool_use import Hole, Places, ToolUse, ToolUses
 from controller.plan.restart.program_position import BESIDE
+from controller.plan.rotaries.branch import joints_along
+from controller.plan.segment import PathItem, Pause, Segment
 from controller.plan.surfaces import rates
 from controller.plan.waits import laid
 from controller.program.carried import InForce
@@ -133,7 +134,7 @@ class Survey:
 
 
 def survey(
-    items: Iterable[Chain | Pause],
+    items: Iterable[PathItem],
     machine: Machine,
     kinematics: Kinematics,
     tell: Callable[[BlockUse], None] = lambda _: None,

@@ -31,7 +31,7 @@ from controller.plan.restart.program_position import (
 )
 from controller.plan.restart.reentry import Entrance, Fitted, begins_at, joints_at
 from controller.plan.restart.tops import Tops
-from controller.plan.segment import Chain, Pause
+from controller.plan.segment import Chain, PathItem, Pause
 from controller.plan.surfaces.walls import NONE, Walls
 from controller.program import modal
 from controller.program.modal import State
@@ -87,11 +87,11 @@ class Rest:
     spot: Spot
     target: entry.Target
     what: str  # 'cut', 'line', 'arc' ... or 'pause'
-    items: Iterator[Chain | Pause]  # without an entry and without clamps
+    items: Iterator[PathItem]  # without an entry and without clamps
     source: Source
     order: int = 0  # ``Place.order`` of the line
 
-    def entered(self, now: Joints, in_spindle: int) -> Iterator[Chain | Pause]:
+    def entered(self, now: Joints, in_spindle: int) -> Iterator[PathItem]:
         """All of the path: from the joints ``now`` to the place, and the rest. Raises ProgramError."""
         here = self.source
         entrance = Entrance(here.machine, here.kinematics, here.fitted(self.target.modal))
@@ -99,9 +99,9 @@ class Rest:
         first = self._first_line() if here.machine.changer is not None else []
         return self.opened(itertools.chain(named(way, ENTRY_ID), first, self.items))
 
-    def _first_line(self) -> list[Chain | Pause]:
+    def _first_line(self) -> list[PathItem]:
         """What is left of the line. Raises ProgramError in the middle of a tool change."""
-        first: list[Chain | Pause] = []
+        first: list[PathItem] = []
         for item in self.items:
             first.append(item)
             if isinstance(item, Pause) and item.changing is not None:
@@ -112,7 +112,7 @@ class Rest:
                 break
         return first
 
-    def opened(self, items: Iterable[Chain | Pause]) -> Iterator[Chain | Pause]:
+    def opened(self, items: Iterable[PathItem]) -> Iterator[PathItem]:
         """With the clamps opened where their axes move, and stopped where the operator is to do something."""
         modal = self.target.modal
         changed = tool_changes.stopped(items, self.source.machine, modal.tool, modal)
@@ -131,9 +131,9 @@ def find(source: Source, spot: Spot) -> Rest:
     return _Search(source.dry(), spot).rest()
 
 
-def named(items: Iterable[Chain | Pause], first_id: int) -> list[Chain | Pause]:
+def named(items: Iterable[PathItem], first_id: int) -> list[PathItem]:
     """The same path with its motions counted from ``first_id`` on."""
-    made: list[Chain | Pause] = []
+    made: list[PathItem] = []
     for item in items:
         if isinstance(item, Chain):
             made.append(replace(item, first_id=first_id))
@@ -340,17 +340,17 @@ class _Search:
         return max(0.0, self._tops.above(joints, length)) + machine.clearance_mm
 
 
-def _unclamped(items: Iterable[Chain | Pause]) -> Iterator[Chain | Pause]:
+def _unclamped(items: Iterable[PathItem]) -> Iterator[PathItem]:
     """Clamps are asked for anew on the way that is really gone."""
     return (item for item in items if not (isinstance(item, Pause) and item.act is Act.CLAMP))
 
 
-def _then(first: Chain | Pause, items: Iterator[Chain | Pause]) -> Iterator[Chain | Pause]:
+def _then(first: PathItem, items: Iterator[PathItem]) -> Iterator[PathItem]:
     yield first
     yield from items
 
 
-def _counted(items: Iterator[Chain | Pause], first_id: int) -> Iterator[Chain | Pause]:
+def _counted(items: Iterator[PathItem], first_id: int) -> Iterator[PathItem]:
     """The first chain keeps its number in the whole program; the others are counted on."""
     for item in items:
         if isinstance(item, Chain):

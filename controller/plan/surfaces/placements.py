@@ -18,7 +18,7 @@ from controller.geometry.splines import BSpline, simplest, splined
 from controller.geometry.surfaces import Surface
 from controller.geometry.vectors import Vector
 from controller.motion.motions import SurfaceCut
-from controller.plan.segment import Chain, Pause
+from controller.plan.segment import Chain, PathItem
 from controller.plan.surfaces.axis_curves import SMOOTH
 
 FORMAT = 4  # another one where the same numbers would mean another pose
@@ -117,11 +117,11 @@ def known(name: str) -> Recipe | None:
 class Noted:
     """A path as it is walked over, and the placements seen on it."""
 
-    def __init__(self, items: Iterable[Chain | Pause]) -> None:
+    def __init__(self, items: Iterable[PathItem]) -> None:
         self._items = items
         self.recipes: dict[str, Recipe] = {}
 
-    def __iter__(self) -> Iterator[Chain | Pause]:
+    def __iter__(self) -> Iterator[PathItem]:
         for item in self._items:
             if isinstance(item, Chain):
                 self._note(item)

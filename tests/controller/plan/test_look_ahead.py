@@ -13,8 +13,8 @@ from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Limits, Machine
 from controller.plan.feed import pace, profile
 from controller.plan.feed.course import FeedCourse
-from controller.plan.path.path import Chain
 from controller.plan.report.planned import planned
+from controller.plan.segment import Chain
 
 
 def heavy(acceleration: float) -> Machine:

@@ -14,8 +14,8 @@ from controller.ipc.handoff import Law, Piece, PieceMessage, Snapshot
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
 from controller.messages import message
-from controller.plan.path.path import Chain, Pause
 from controller.plan.planner import AHEAD_S, Planner
+from controller.plan.segment import Chain, PathItem
 from controller.program.program import ProgramError
 from controller.state.modes import Fault, Mode
 
@@ -339,7 +339,7 @@ def test_the_path_is_read_only_as_far_as_it_is_needed_and_forgotten_behind() -> 
     chain = next(item for item in desk.items if isinstance(item, Chain))
     read = 0
 
-    def endless() -> Iterator[Chain | Pause]:
+    def endless() -> Iterator[PathItem]:
         nonlocal read
         back = traced_programs.trace("G1 F600. X10.\nX0.\nM30\n", desk.machine, chain.segments[0].start).items
         while read < 10_000:
@@ -359,7 +359,7 @@ def test_the_path_is_read_only_as_far_as_it_is_needed_and_forgotten_behind() -> 
 def test_a_program_refused_on_the_way_ends_at_rest_and_says_why() -> None:
     desk = Desk(MOVES)
 
-    def refused(items: Iterable[Chain | Pause]) -> Iterator[Chain | Pause]:
+    def refused(items: Iterable[PathItem]) -> Iterator[PathItem]:
         yield from list(items)[:2]
         raise ProgramError("part.ngc", 9, 1, message("path.nothing"))
 

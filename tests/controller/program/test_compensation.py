@@ -16,6 +16,7 @@ from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
 from controller.plan.path import path
 from controller.plan.restart.program_position import Spot
+from controller.plan.rotaries.branch import joints_along
 from controller.program import blocks
 from controller.program.position import homed
 from controller.program.program import (
@@ -355,7 +356,7 @@ def test_the_shipped_contour_keeps_its_distance_from_the_plate_on_the_machine(di
     frame, kinematics, away = on.offsets[0], kinematics_of(on), []
     for segment in segments(traced):
         if segment.feed_mm_s is not None and 11 <= segment.place.line <= 24:
-            joints = path.joints_along(segment, np.linspace(0.0, segment.motion.end, 50), kinematics)
+            joints = joints_along(segment, np.linspace(0.0, segment.motion.end, 50), kinematics)
             for row in joints:
                 x, y, _ = frame.from_parent((row[0], row[1], row[2]))
                 away.append(_PLATE.exterior.distance(shapely.Point(x, y)))

@@ -19,8 +19,9 @@ from typer.testing import CliRunner
 from controller.__main__ import app
 from controller.geometry.vectors import Frame
 from controller.machine.kinematics import kinematics_of
-from controller.plan.path.path import Chain, Segment, joints_along
 from controller.plan.report import explained
+from controller.plan.rotaries.branch import joints_along
+from controller.plan.segment import Chain, Segment
 from controller.plan.surfaces.rates import derivatives
 from controller.program import blocks
 from controller.program.position import homed

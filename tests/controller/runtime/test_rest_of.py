@@ -7,8 +7,8 @@ import pytest
 from support.machines.interrupted_runs import EXAMPLE_2
 from support.machines.stepped_runs import shipped
 
-from controller.plan.path.path import Chain, Pause
 from controller.plan.restart.program_position import Spot
+from controller.plan.segment import Chain, Pause
 from controller.program.program import ProgramError
 from controller.runtime import checked
 

@@ -24,8 +24,8 @@ from controller.machine.kinematics import Kinematics, kinematics_of
 from controller.machine.model import Joints, Machine
 from controller.motion.motions import SurfaceCut
 from controller.plan.path import path
-from controller.plan.path.path import Chain, Segment
 from controller.plan.path.path import Path as TracedPath
+from controller.plan.segment import Chain, Segment
 from controller.program import blocks
 from controller.runtime.startup import SessionError
 from controller.service.folders import Folders

@@ -13,10 +13,10 @@ from controller.ipc.handoff import COLUMN, STOOD
 from controller.machine.kinematics import Kinematics, kinematics_of
 from controller.machine.model import Joints, Machine, Tool
 from controller.plan.path import path
-from controller.plan.path.path import Chain, Pause
 from controller.plan.restart import restart
 from controller.plan.restart.program_position import ENTRY_ID, Spot
 from controller.plan.restart.restart import Rest, Source
+from controller.plan.segment import Chain, PathItem, Segment
 from controller.plan.surfaces import choices
 from controller.program import blocks
 from controller.runtime.events import Event
@@ -60,7 +60,7 @@ M30
 class Items:
     """A path for ``SteppedMachine.run``."""
 
-    items: Iterable[Chain | Pause]
+    items: Iterable[PathItem]
 
 
 def source(text: str, machine: Machine, dry_run_mm: float = 0.0, start: Joints | None = None) -> Source:
@@ -74,7 +74,7 @@ def source(text: str, machine: Machine, dry_run_mm: float = 0.0, start: Joints |
 
 def segments(
     text: str, machine: Machine, start: Joints | None = None, in_spindle: int | None = None
-) -> dict[int, path.Segment]:
+) -> dict[int, Segment]:
     """All motions of the whole program, by motion id; ``start``: where it begins, None: homed.
 
     ``in_spindle``: a changer does not fetch a tool that is there; None: it fetches all.
@@ -118,7 +118,7 @@ def program_rows(rows: np.ndarray) -> np.ndarray:
     return rows[(ids >= 0) & (ids < ENTRY_ID)]
 
 
-def distance(rows: np.ndarray, wanted: dict[int, path.Segment], kinematics: Kinematics) -> float:
+def distance(rows: np.ndarray, wanted: dict[int, Segment], kinematics: Kinematics) -> float:
     """Largest distance (mm, or rad of the rotaries) of commanded joints from the program's."""
     first, far = COLUMN["joint_command_0"], 0.0
     for row in program_rows(rows):
@@ -130,7 +130,7 @@ def distance(rows: np.ndarray, wanted: dict[int, path.Segment], kinematics: Kine
     return far
 
 
-def assert_rest_is_cut(rows: np.ndarray, wanted: dict[int, path.Segment], spot: Spot) -> None:
+def assert_rest_is_cut(rows: np.ndarray, wanted: dict[int, Segment], spot: Spot) -> None:
     """From the spot on every feed motion of the program is gone through to its end, in order."""
     mine = program_rows(rows)
     ids, s = mine[:, COLUMN["motion_id"]].astype(int), mine[:, COLUMN["s"]]

@@ -13,8 +13,7 @@ from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
 from controller.plan.feed import profile
 from controller.plan.feed.course import FeedCourse
-from controller.plan.path.path import Chain
-from controller.plan.segment import Segment, rotaries_of
+from controller.plan.segment import Chain, Segment, rotaries_of
 
 
 def chains(source: str, machine: Machine) -> list[Chain]:

@@ -13,7 +13,7 @@ from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine
 from controller.machine.spindle import unasked
 from controller.plan.path import path
-from controller.plan.path.path import Segment
+from controller.plan.segment import Segment
 from controller.program import blocks
 from controller.runtime.events import Event
 from controller.runtime.stepped import Run, SteppedMachine

@@ -12,8 +12,8 @@ from controller.machine.kinematics import Kinematics, kinematics_of
 from controller.machine.model import Joints, Machine
 from controller.motion.motions import SurfaceCut
 from controller.plan.path import path
-from controller.plan.path.path import Chain, Path, Segment, joints_along
-from controller.plan.segment import rotaries_of
+from controller.plan.rotaries.branch import joints_along
+from controller.plan.segment import Chain, Path, Segment, rotaries_of
 from controller.program import blocks
 
 HOME: Joints = (0.0, 0.0, 200.0, 0.0, 0.0)
@@ -53,7 +53,7 @@ def assert_whole(traced: Path, built: Machine, start: Joints = HOME) -> None:
         assert np.allclose(segment.start, here, rtol=0.0, atol=2e-6), segment.name
         here = segment.end
         s = np.linspace(0.0, segment.motion.end, 61)
-        joints = path.joints_along(segment, s, kinematics)
+        joints = joints_along(segment, s, kinematics)
         assert np.allclose(joints[0], segment.start, rtol=0.0, atol=1e-9), segment.name
         assert np.allclose(joints[-1], segment.end, rtol=0.0, atol=1e-9), segment.name
         for i, axis in enumerate(built.axes):

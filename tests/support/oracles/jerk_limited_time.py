@@ -29,7 +29,8 @@ from scipy.optimize import linprog
 
 from controller.machine.kinematics import Kinematics, kinematics_of
 from controller.machine.model import Machine
-from controller.plan.path.path import Segment, joints_along
+from controller.plan.rotaries.branch import joints_along
+from controller.plan.segment import Segment
 
 NODES = 400
 SAMPLES = 600  # of each segment

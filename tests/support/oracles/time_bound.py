@@ -18,7 +18,8 @@ from scipy.interpolate import PPoly, make_interp_spline
 
 from controller.machine.kinematics import Kinematics, kinematics_of
 from controller.machine.model import Kind, Limits, Machine
-from controller.plan.path.path import Segment, joints_along
+from controller.plan.rotaries.branch import joints_along
+from controller.plan.segment import Segment
 
 STABLE = 1e-3
 FIRST_GRID = 400

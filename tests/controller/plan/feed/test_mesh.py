@@ -13,8 +13,7 @@ from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
 from controller.plan.feed import mesh
 from controller.plan.feed.course import FeedCourse
-from controller.plan.path.path import Chain
-from controller.plan.segment import Segment
+from controller.plan.segment import Chain, Segment
 
 
 def cuts(feed: str, machine: Machine) -> list[Segment]:

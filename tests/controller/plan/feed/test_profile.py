@@ -26,7 +26,7 @@ from controller.plan.feed.course import FeedCourse
 from controller.plan.feed.law import straight, through
 from controller.plan.feed.limits import JointLimits
 from controller.plan.feed.profile import Profile, State
-from controller.plan.path.path import Chain
+from controller.plan.segment import Chain
 from controller.program.program import ProgramError
 
 OVERSHOOT = 1e-9  # of the feed: rounding

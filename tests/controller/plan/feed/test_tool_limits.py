@@ -15,7 +15,7 @@ from controller.motion.motions import SurfaceCut
 from controller.plan.feed import profile, tool_limits
 from controller.plan.feed.course import FeedCourse
 from controller.plan.feed.search import Search
-from controller.plan.path.path import Chain
+from controller.plan.segment import Chain
 
 
 def courses(machine: Machine) -> list[FeedCourse]:

@@ -23,8 +23,8 @@ from controller.plan.feed import ticked
 from controller.plan.feed.course import FeedCourse
 from controller.plan.lines import exact_rows
 from controller.plan.path import path
-from controller.plan.path.path import Chain
-from controller.plan.segment import Segment
+from controller.plan.rotaries.branch import joints_along
+from controller.plan.segment import Chain, Segment
 from controller.program import blocks
 from controller.program.program import ProgramError
 from controller.runtime.events import Event
@@ -72,7 +72,7 @@ def lines_of(found: list[Chain], kinematics: Kinematics) -> list[tuple[int, floa
             s = low + (high - low) * shares
             middle = np.array([0.5 * (low + high)])
             feed = float(segment.feed_at(middle)[0] * segment.tip_rate(middle)[0])
-            told.append((number, feed, path.joints_along(segment, s, kinematics)))
+            told.append((number, feed, joints_along(segment, s, kinematics)))
     return told
 
 

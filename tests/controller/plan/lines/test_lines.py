@@ -15,7 +15,8 @@ from controller.geometry.vectors import angle_between, norm, subtract
 from controller.machine.kinematics import kinematics_of
 from controller.motion.motions import JointMove, ToolLine
 from controller.plan.path import path
-from controller.plan.path.path import Chain, Segment, joints_along
+from controller.plan.rotaries.branch import joints_along
+from controller.plan.segment import Chain, Segment
 from controller.plan.surfaces.rates import derivatives
 from controller.program import blocks
 from controller.program.program import ProgramError

@@ -19,7 +19,8 @@ from controller.plan.lines import meant
 from controller.plan.lines.meant import Waiting
 from controller.plan.look_ahead import Orders, TrackPlace, Windows
 from controller.plan.path import path
-from controller.plan.path.path import Chain, Path, joints_along
+from controller.plan.rotaries.branch import joints_along
+from controller.plan.segment import Chain, Path
 from controller.plan.track import Track
 from controller.program import blocks
 from controller.program.program import ProgramError

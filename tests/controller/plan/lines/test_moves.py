@@ -13,7 +13,8 @@ from support.machines.traced_programs import assert_whole, mill, named, segments
 from controller.geometry.vectors import Frame
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Joints
-from controller.plan.path.path import Segment, joints_along
+from controller.plan.rotaries.branch import joints_along
+from controller.plan.segment import Segment
 from controller.program.program import ProgramError
 
 START: Joints = (0.0, 0.0, 0.0, 0.0, 0.0)

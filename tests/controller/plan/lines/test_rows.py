@@ -19,8 +19,8 @@ from controller.machine.kinematics import kinematics_of
 from controller.motion.motions import ROW, JointMove, ToolLine, ToolSpline
 from controller.plan.lines import rows
 from controller.plan.path import path
-from controller.plan.path.path import Chain, Path, Segment, joints_along
-from controller.plan.segment import tip_rate
+from controller.plan.rotaries.branch import joints_along
+from controller.plan.segment import Chain, Path, Segment, tip_rate
 from controller.plan.surfaces.rates import derivatives
 from controller.program import blocks
 

@@ -10,8 +10,8 @@ from support.machines.interrupted_runs import ACCELERATION, JERK, VELOCITY, rest
 from support.machines.stepped_runs import Cut, cut, largest, off_the_plan, shipped
 
 from controller.machine.kinematics import kinematics_of
-from controller.plan.path.path import Chain
 from controller.plan.restart.program_position import ENTRY_ID, Spot
+from controller.plan.segment import Chain
 
 TEXT = """G21 G90 G54 G61 G17
 G0 X0 Y0 Z40

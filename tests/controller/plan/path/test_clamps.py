@@ -10,7 +10,7 @@ from support.machines.stepped_runs import program as shipped_program
 from controller.machine import machine_file
 from controller.machine.kinematics import kinematics_of
 from controller.plan.path import clamps, path
-from controller.plan.path.path import Chain, Pause
+from controller.plan.segment import Chain, Pause
 from controller.program import blocks
 from controller.program.program import Act
 

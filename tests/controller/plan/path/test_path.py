@@ -14,7 +14,7 @@ from support.machines.traced_programs import assert_whole, mill, named, names, s
 from controller.geometry.vectors import Frame
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
-from controller.plan.path.path import Chain, Pause
+from controller.plan.segment import Chain, Pause
 from controller.program.program import Act, ProgramError
 
 CONE = "G51 X0. Y15. Z0. I0. J0. K0. H10. R10. D{} F100.\n"

@@ -11,7 +11,7 @@ from support.machines.stepped_runs import shipped
 from controller.machine import machine_file
 from controller.machine.model import Machine
 from controller.messages import text as in_words
-from controller.plan.segment import Chain, Pause
+from controller.plan.segment import Chain, PathItem
 from controller.program.program import Act, ProgramError
 from controller.runtime import checked
 
@@ -28,7 +28,7 @@ def walked(program: str, machine: Machine = HAND, typed: bool = False) -> list[s
     return [_named(one) for one in walk.items if isinstance(one, Chain) or one.act is Act.STOP]
 
 
-def _named(item: Chain | Pause) -> str:
+def _named(item: PathItem) -> str:
     if isinstance(item, Chain):
         return "move"
     return f"turn {item.modal.spindle_rev_min:g}" if item.turns else "stop"

@@ -9,10 +9,10 @@ from support.machines.stepped_runs import cut, shipped
 
 from controller.ipc.handoff import COLUMN
 from controller.plan.path import path
-from controller.plan.path.path import Chain
 from controller.plan.report.passing import MAX_MARKS, OWN, Passing, passed_s, place_of
 from controller.plan.report.survey import survey
 from controller.plan.restart.program_position import lines_along, part_at
+from controller.plan.segment import Chain
 
 CLOSE = 0.005  # of the duration ...
 SHORT_S = 0.06  # ... or this: nobody sees it of a program of seconds

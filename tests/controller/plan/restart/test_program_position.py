@@ -11,7 +11,6 @@ from support.machines.interrupted_runs import EXAMPLE_2, LINES, TIPS, rest_of, s
 from support.machines.stepped_runs import shipped
 
 from controller.plan.path import path
-from controller.plan.path.path import Chain
 from controller.plan.restart.program_position import (
     BESIDE,
     ENTRY_ID,
@@ -21,6 +20,7 @@ from controller.plan.restart.program_position import (
     fraction_at,
     lines_along,
 )
+from controller.plan.segment import Chain
 
 PROGRAMS = {"surfaces": EXAMPLE_2, "lines": LINES, "blended": LINES.replace("G61", "G64 P0.05"), "tips": TIPS}
 SHARES = np.linspace(0.0, 1.0, 23)

@@ -10,10 +10,10 @@ from support.machines.interrupted_runs import EXAMPLE_2, LINES, TIPS, rest_of, s
 from support.machines.stepped_runs import shipped
 
 from controller.machine.kinematics import kinematics_of
-from controller.plan.path.path import Chain, Pause
 from controller.plan.restart import entry, restart
 from controller.plan.restart.program_position import ENTRY_ID, FORMER, Spot
 from controller.plan.restart.reentry import Entrance
+from controller.plan.segment import Chain, Pause
 from controller.program.program import Act, ProgramError
 
 FIRST, SECOND = 10, 19  # lines of the two surfaces of Example 2

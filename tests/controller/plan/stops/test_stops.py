@@ -23,8 +23,8 @@ from controller.plan.feed import profile
 from controller.plan.feed.course import FeedCourse
 from controller.plan.feed.limits import JointLimits
 from controller.plan.feed.profile import Profile
-from controller.plan.path.path import Chain, joints_along
-from controller.plan.segment import straight
+from controller.plan.rotaries.branch import joints_along
+from controller.plan.segment import Chain, straight
 from controller.plan.stops import check
 from controller.plan.stops.table import stops
 from controller.plan.stops.way import Way

@@ -20,7 +20,7 @@ from support.machines.traced_programs import (
 from controller.geometry.vectors import Vector, add, dot, norm, scale, subtract, unit
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine, Tool
-from controller.plan.path.path import Segment
+from controller.plan.segment import Segment
 from controller.plan.surfaces.leads import SLENDER
 
 CONE = "G51 X0. Y15. Z0. I0. J0. K0. H10. R10. D{} F100.\n"

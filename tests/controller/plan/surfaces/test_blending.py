@@ -24,9 +24,8 @@ from controller.machine.kinematics import Kinematics, kinematics_of
 from controller.machine.model import Machine, Tool
 from controller.plan.feed.course import FeedCourse
 from controller.plan.feed.limits import JointLimits
-from controller.plan.path.path import Chain, Path
 from controller.plan.rotaries.branch import joints_along
-from controller.plan.segment import Segment, rotaries_of
+from controller.plan.segment import Chain, Path, Segment, rotaries_of
 from controller.program.program import ProgramError
 
 RADII = (1.0, 1.5, 3.0, 5.0, 8.0)

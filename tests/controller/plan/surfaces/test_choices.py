@@ -17,8 +17,8 @@ from controller.machine import machine_file
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
 from controller.motion.motions import Rotaries
-from controller.plan.path.path import Chain, Path, stream
-from controller.plan.segment import Diagnostics, rotaries_of
+from controller.plan.path.path import stream
+from controller.plan.segment import Chain, Diagnostics, Path, rotaries_of
 from controller.plan.surfaces import auto, legs, train
 from controller.plan.surfaces.choices import choices
 from controller.program import blocks

@@ -30,7 +30,8 @@ from controller.machine.model import Machine
 from controller.plan.feed import profile
 from controller.plan.feed.course import FeedCourse
 from controller.plan.feed.limits import JointLimits
-from controller.plan.path.path import Chain, Path, Segment, joints_along
+from controller.plan.rotaries.branch import joints_along
+from controller.plan.segment import Chain, Path, Segment
 from controller.plan.surfaces.leads import MAX_TILT_RAD, MAX_TURN_RAD, SLENDER
 from controller.program.program import ProgramError
 

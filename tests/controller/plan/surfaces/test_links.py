@@ -16,7 +16,7 @@ from controller.machine import machine_file
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
 from controller.plan.path import path
-from controller.plan.path.path import Chain
+from controller.plan.segment import Chain
 from controller.program import blocks
 from controller.program.program import ProgramError
 
