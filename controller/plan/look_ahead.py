@@ -26,7 +26,7 @@ from controller.plan.feed import binding, pace
 from controller.plan.feed.course import MAX_SINGLE, REMEMBERED, FeedCourse
 from controller.plan.feed.profile import Profile, State
 from controller.plan.feed.ticked import is_row
-from controller.plan.segment import Chain, Pause, Segment
+from controller.plan.segment import ContinuousPath, Pause, Segment
 from controller.plan.track import Unit
 from controller.plan.waits import SETTING
 from controller.program.program import UNSAID, Act, Await, Level, Outputs, Probing
@@ -163,7 +163,9 @@ class Windows:
         self._machine, self._kinematics = machine, kinematics
         self._period_s = machine.period_s
         self._takes = lru_cache(REMEMBERED)(self._takes_s)
-        self._row: tuple[Chain, Orders, list[tuple[float, float]]] | None = None  # that was looked at last
+        self._row: tuple[ContinuousPath, Orders, list[tuple[float, float]]] | None = (
+            None  # that was looked at last
+        )
 
     # --- what others ask for
 

@@ -37,7 +37,7 @@ from controller.plan.restart.reentry import (
     joints_at,
 )
 from controller.plan.restart.restart import Rest, named
-from controller.plan.segment import Chain, PathItem, Pause, Segment, straight
+from controller.plan.segment import ContinuousPath, PathItem, Pause, Segment, straight
 from controller.plan.track import Track
 from controller.program import modal
 from controller.program.program import Act, Place
@@ -87,7 +87,7 @@ def retract(
 
 def ending(way: Iterable[Segment], place: Place) -> Iterator[PathItem]:
     """A way aside: one move after the other, to a stop."""
-    yield from (Chain((segment,)) for segment in way)
+    yield from (ContinuousPath((segment,)) for segment in way)
     yield Pause(place, modal.power_on().modal, act=Act.STOP)
 
 

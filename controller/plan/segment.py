@@ -170,7 +170,7 @@ class Segment:
 
 
 @dataclass(frozen=True, slots=True)
-class Chain:
+class ContinuousPath:
     """Segments run through without a planned stop; at rest before and after.
 
     ``runs_on``: the next chain goes on without a rest; so an endless row of program
@@ -217,7 +217,7 @@ class Pause:
     segments: ClassVar[tuple[Segment, ...]] = ()  # as a chain has them
 
 
-PathItem = Chain | Pause  # what a path is made of
+PathItem = ContinuousPath | Pause  # what a path is made of
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,7 +19,7 @@ from controller.plan.feed import profile
 from controller.plan.restart.program_position import ENTRY_ID, FORMER, Spot, fraction_at
 from controller.plan.restart.reentry import is_free
 from controller.plan.restart.tops import Tops
-from controller.plan.segment import Chain, PathItem, Pause, Segment
+from controller.plan.segment import ContinuousPath, PathItem, Pause, Segment
 from controller.program.program import Act, Probed, Probing, ProgramError
 
 TINY = 1e-9  # of s
@@ -42,7 +42,7 @@ class Unit:
     optional_stop: bool = False  # an M1 stands there
     last: bool = True
     begin: float = 0.0  # s at which it begins: a restart begins inside of a motion
-    chain: Chain | None = None  # that it is a segment of ...
+    chain: ContinuousPath | None = None  # that it is a segment of ...
     index: int = 0  # ... and which
 
     @property
@@ -140,7 +140,7 @@ class Track:
         self.laid += len(ways)
         for k, way in enumerate(ways):
             rests = not (joins and k == len(ways) - 1)
-            laid = Unit(way, first_id + k, rests, block_end=False, last=False, chain=Chain((way,)))
+            laid = Unit(way, first_id + k, rests, block_end=False, last=False, chain=ContinuousPath((way,)))
             self._kept.insert(i + k, laid)
 
     def answer(self, number: int, came: Probed) -> int:

@@ -15,7 +15,7 @@ from controller.motion.motions import SurfaceCut
 from controller.plan.foresight import FIRST, Foresight
 from controller.plan.planner import Planner
 from controller.plan.restart.program_position import ENTRY_ID, LinePart, Spot, lines_along
-from controller.plan.segment import Chain, PathItem, Pause, Segment
+from controller.plan.segment import ContinuousPath, PathItem, Pause, Segment
 from controller.plan.timetable import Timetable
 from controller.program.carried import InForce
 from controller.program.modal import State
@@ -60,7 +60,7 @@ class PathNotes:
             if inside:
                 self._heard = deque(one for one in self._heard if not isinstance(one, OperatorMessage))
                 inside = isinstance(item, Pause) or (item.first_id or 0) >= ENTRY_ID
-            if isinstance(item, Chain):
+            if isinstance(item, ContinuousPath):
                 number = number if item.first_id is None else item.first_id
                 for segment in item.segments:
                     self._say(segment.order_at(segment.motion.end), number, None, segment.place.order)
@@ -86,12 +86,12 @@ class PathNotes:
     def lines_noted(self, items: Iterable[PathItem], begun: float) -> Iterator[PathItem]:
         """The same path, which begins inside of a line."""
         for item in items:
-            if isinstance(item, Chain):
+            if isinstance(item, ContinuousPath):
                 self._note_lines(item, begun)
                 begun = 0.0
             yield item
 
-    def _note_lines(self, chain: Chain, begun: float) -> None:
+    def _note_lines(self, chain: ContinuousPath, begun: float) -> None:
         for segment, lines in zip(chain.segments, lines_along(chain, begun), strict=True):
             self._known[id(segment)] = self.tool, lines
 

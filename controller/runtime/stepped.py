@@ -34,7 +34,7 @@ from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Joints, Machine
 from controller.motion.pieces import FIRST_MARK
 from controller.plan.planner import Planner
-from controller.plan.segment import Chain, PathItem, straight
+from controller.plan.segment import ContinuousPath, PathItem, straight
 from controller.program.program import Place
 from controller.runtime import cyclic, simulation
 from controller.runtime.contour_error import DemandOf
@@ -284,7 +284,7 @@ class SteppedMachine:
         """Where a recorded run began, by place and by the path clock; homed and enabled it goes there."""
         way = straight("position", Place(1, 1), self.joints, joints, None, self.kinematics)
         if way is not None:
-            self.run(Way((Chain((way,)),)))
+            self.run(Way((ContinuousPath((way,)),)))
         self.cycle.follow.set_joints(joints)
         self.cycle.follow.set_clock(plan_time_s)
         self.tick()

@@ -30,7 +30,7 @@ from controller.machine.kinematics import kinematics_of  # noqa: E402
 from controller.machine.model import Machine  # noqa: E402
 from controller.plan.feed import profile  # noqa: E402
 from controller.plan.feed.course import FeedCourse  # noqa: E402
-from controller.plan.path.path import Chain  # noqa: E402
+from controller.plan.path.path import ContinuousPath  # noqa: E402
 from controller.program.program import ProgramError  # noqa: E402
 
 BOUND, OPTIMUM = "bound without jerk", "jerk-limited optimum"
@@ -56,7 +56,7 @@ def measured(name: str, source: str, machine: Machine) -> Cut:
     """Plan a program as it is run and compare its cuts with their bound."""
     kinematics = kinematics_of(machine)
     home = tuple(axis.homing.position for axis in machine.axes)
-    chains = [i for i in traced_programs.trace(source, machine, home).items if isinstance(i, Chain)]  # type: ignore[arg-type]
+    chains = [i for i in traced_programs.trace(source, machine, home).items if isinstance(i, ContinuousPath)]  # type: ignore[arg-type]
     cut = cpu = motion = bound = 0.0
     for chain in chains:
         for run in profile.split_at_stops(chain.segments, machine, kinematics):

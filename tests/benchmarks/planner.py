@@ -124,13 +124,13 @@ def off_lines_mm(file: Path, count: int, step_mm: float) -> float:
     from controller.machine import machine_file
     from controller.motion.motions import ToolSpline
     from controller.plan.rotaries.branch import joints_along
-    from controller.plan.segment import Chain
+    from controller.plan.segment import ContinuousPath
     from controller.runtime import checked
 
     machine = machine_file.load("trunnion")
     asked = checked.task(file.read_bytes(), file.name, machine)
     corners, off, number = cam_lines.corners(cam_lines.places(count, step_mm)), 0.0, 0
-    chains = (item for item in checked.path_of(asked).items if isinstance(item, Chain))
+    chains = (item for item in checked.path_of(asked).items if isinstance(item, ContinuousPath))
     for segment in (segment for chain in chains for segment in chain.segments):
         motion = segment.motion
         if not isinstance(motion, ToolSpline):

@@ -31,7 +31,7 @@ from controller.plan.rotaries.tool_axes import GreatCircles
 from controller.plan.rotaries.turns import SAME_ROTARY_RAD
 from controller.plan.segment import (
     STANDS_MM,
-    Chain,
+    ContinuousPath,
     Diagnostics,
     Segment,
     joints_of,
@@ -119,7 +119,7 @@ class LineRow:
     def full(self) -> bool:
         return len(self._blocks) >= WINDOW
 
-    def chains(self, final: bool) -> Iterator[Chain]:
+    def chains(self, final: bool) -> Iterator[ContinuousPath]:
         """Fit what has been collected and give away what is certain, ``final``: all of it."""
         blocks, self._blocks = self._blocks, []
         if blocks:
@@ -130,7 +130,7 @@ class LineRow:
 
     # ---- from blocks to corners ------------------------------------------------------
 
-    def _fitted(self, blocks: list[Feed]) -> Iterator[Chain]:
+    def _fitted(self, blocks: list[Feed]) -> Iterator[ContinuousPath]:
         found, ends = self._maker.of(blocks, self._stand)
         yield from self._begun(blocks[0], found)
         step = self._steps(found)
@@ -144,7 +144,7 @@ class LineRow:
         self._stand = ends
         yield from self._taken(False)
 
-    def _begun(self, block: Feed, found: Corners) -> Iterator[Chain]:
+    def _begun(self, block: Feed, found: Corners) -> Iterator[ContinuousPath]:
         """A swivel at the pole before the first line, where its tool vectors ask for it."""
         if not isinstance(block, TipLine):
             return
@@ -154,7 +154,7 @@ class LineRow:
             yield from self._taken(True)
             audit_line(swivel, self._machine, self._kinematics, self._voice)
             self.joints = swivel.end
-            yield Chain((swivel,))
+            yield ContinuousPath((swivel,))
 
     # ---- from corners to spans ---------------------------------------------------------
 
@@ -223,7 +223,7 @@ class LineRow:
             self._lines.append(blocks[line])
             self._feeds.append(feed_of(blocks[line], size, length, math.degrees(turn)))
 
-    def _taken(self, final: bool) -> Iterator[Chain]:
+    def _taken(self, final: bool) -> Iterator[ContinuousPath]:
         """What ``fit`` can give away by now."""
         while self._row is not None:
             spans = self._row.take(final)
@@ -233,7 +233,9 @@ class LineRow:
         if final:
             self._row = None
 
-    def _turned(self, blocks: list[Feed], found: Corners, after: int, through: int) -> Iterator[Chain]:
+    def _turned(
+        self, blocks: list[Feed], found: Corners, after: int, through: int
+    ) -> Iterator[ContinuousPath]:
         """The tip stands while the axis turns: an exact line of its own."""
         a, b = found.values[after], found.values[through]
         swivel = bool(found.share[after] == 1.0)
@@ -250,7 +252,7 @@ class LineRow:
                 ends = np.array([0.0, segment.motion.end]), np.array([start, end])
                 self._motions.audit(lambda _: block.place, *ends)
                 self.joints = segment.end
-                yield Chain((segment,))
+                yield ContinuousPath((segment,))
             return
         stand = self._maker.standing(a[:3], first, lines.axis_of(first, kinematics))
         line: ToolLine | None
@@ -265,7 +267,7 @@ class LineRow:
             segment = lines.segment_of(block, line, stand.joints, kinematics, name)
             audit_line(segment, self._machine, kinematics, self._voice)
             self.joints = segment.end
-            yield Chain((segment,))
+            yield ContinuousPath((segment,))
 
     def _circle(self, stand: Stand, axis: Vector, last: tuple[float, float]) -> GreatCircles | None:
         if self._vectors:
@@ -274,13 +276,13 @@ class LineRow:
 
     # ---- from spans to motions -----------------------------------------------------------
 
-    def _chain(self, spans: Spans) -> Chain:
+    def _chain(self, spans: Spans) -> ContinuousPath:
         segments = []
         for first in range(0, len(spans.c), SPANS):
             last = min(first + SPANS, len(spans.c))
             segments.append(self._segment(spans.knots[first : last + 1], spans.c[first:last]))
         self.joints = segments[-1].end
-        return Chain(tuple(segments), runs_on=not spans.rests)
+        return ContinuousPath(tuple(segments), runs_on=not spans.rests)
 
     def _segment(self, knots: Array, c: Array) -> Segment:
         first = max(0, bisect_right(self._lines_s, float(knots[0]) + MIN_GAP) - 1)

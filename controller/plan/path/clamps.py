@@ -15,7 +15,7 @@ from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine
 from controller.motion.motions import JointMove
 from controller.plan.rotaries.branch import joints_along
-from controller.plan.segment import Chain, PathItem, Pause, Segment
+from controller.plan.segment import ContinuousPath, PathItem, Pause, Segment
 from controller.program import modal
 from controller.program.program import Act
 
@@ -47,7 +47,7 @@ def opened(items: Iterable[PathItem], machine: Machine, kinematics: Kinematics) 
         yield item
 
 
-def _moved(chain: Chain, clamped: list[int], kinematics: Kinematics) -> int:
+def _moved(chain: ContinuousPath, clamped: list[int], kinematics: Kinematics) -> int:
     """Bits of the clamped axes that the chain moves, or may move."""
     if chain.runs_on:
         return sum(1 << i for i in clamped)

@@ -16,7 +16,7 @@ from controller.machine.model import Machine
 from controller.messages import message
 from controller.motion.motions import ThreadMove
 from controller.plan.lines.corners import Feed
-from controller.plan.segment import Chain, Diagnostics, PathItem, Segment
+from controller.plan.segment import ContinuousPath, Diagnostics, PathItem, Segment
 from controller.program.program import (
     ENABLED,
     UNSAID,
@@ -75,10 +75,10 @@ class Switched:
     def laid(self, items: Iterable[PathItem]) -> Iterator[PathItem]:
         """The same path; the segments come in the order of their blocks."""
         for item in items:
-            if isinstance(item, Chain) and self._stops:
+            if isinstance(item, ContinuousPath) and self._stops:
                 item = replace(item, optional_stops=self._stops)
                 self._stops = frozenset(one for one in self._stops if one >= item.place.order)
-            if isinstance(item, Chain) and (
+            if isinstance(item, ContinuousPath) and (
                 len(self._said) > 1 or self._said[0][1] != _NOTHING or _tied(item)
             ):
                 item = replace(item, segments=tuple(self._switching(one) for one in item.segments))
@@ -100,7 +100,7 @@ def _feeds(block: Block | None) -> bool:
     return isinstance(block, Feed) and block.feed_mm_s is not None and not probes
 
 
-def _tied(chain: Chain) -> bool:
+def _tied(chain: ContinuousPath) -> bool:
     return any(isinstance(segment.motion, ThreadMove) for segment in chain.segments)
 
 
@@ -113,7 +113,9 @@ SEEN_TICKS = 5  # from the edge to the first setpoint that is slower, at the mos
 CLOSE = 1e-4  # of the fastest feed that is told, mm/s
 
 
-def probing_way(chain: Chain, probe: Probing, tool: int, machine: Machine, voice: Diagnostics) -> Chain:
+def probing_way(
+    chain: ContinuousPath, probe: Probing, tool: int, machine: Machine, voice: Diagnostics
+) -> ContinuousPath:
     """The same way, under its own feed alone; refused where its stop would be too long for the probe."""
     sensor = machine.sensor(tool)
     most_mm = sensor.overtravel_mm if sensor is not None else 0.0

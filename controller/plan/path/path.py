@@ -28,7 +28,7 @@ from controller.plan.path import clamps, outputs, poles
 from controller.plan.path.outputs import Switched
 from controller.plan.rotaries.branch import joints_along
 from controller.plan.segment import (
-    Chain,
+    ContinuousPath,
     Diagnostics,
     Note,
     Path,
@@ -261,7 +261,7 @@ class PathBuilder:
         made = len(self._items)
         self._alone(block)
         self._rest()
-        ways = [one for one in self._items[made:] if isinstance(one, Chain)]
+        ways = [one for one in self._items[made:] if isinstance(one, ContinuousPath)]
         if not ways:
             self._voice.refuse(block.place, message("probing.no_way", code=probe.code))
         self._items[made:] = [
@@ -381,7 +381,7 @@ class PathBuilder:
         only = row.only if self._way is None else None
         self._ended(row, only, [] if only is not None else self._chains_of(row))
 
-    def _ended(self, row: LineRow, only: Feed | None, chains: Sequence[Chain]) -> None:
+    def _ended(self, row: LineRow, only: Feed | None, chains: Sequence[ContinuousPath]) -> None:
         """A row that ends at rest; one that is but a single block, ``only``, stays exact."""
         if only is not None:
             self._alone(only)
@@ -391,7 +391,7 @@ class PathBuilder:
             self.now = row.joints
             self._stand = replace(row.stand, joints=self.now)
 
-    def _chains_of(self, row: LineRow) -> list[Chain]:
+    def _chains_of(self, row: LineRow) -> list[ContinuousPath]:
         """All that is left of a row that ends, with the cuts before it where it runs on from them."""
         chains = list(row.chains(True))
         if chains and self._way is not None:
@@ -497,14 +497,14 @@ class PathBuilder:
             self._note(block.place, message("row.departs", line=way.run[-1].place.line, why=why))
         return False
 
-    def _run_off(self, chain: Chain, modal: Modal) -> Chain:
+    def _run_off(self, chain: ContinuousPath, modal: Modal) -> ContinuousPath:
         """The cuts under way and the row that begins at their end: blended, or at rest there."""
         assert self._way is not None
         (legs, run), self._way = self._way, None
         first, *rest = chain.segments
         found = line_blends.off(legs, run, first, modal, self._machine, self._kinematics, self._voice)
         if found is None:
-            self._chain(Chain(tuple(run)))
+            self._chain(ContinuousPath(tuple(run)))
             return chain
         for segment in run:
             self._audit(segment)
@@ -516,7 +516,7 @@ class PathBuilder:
             return
         (legs, run), self._way = self._way, None
         off = leads.lay(legs, False, self._machine, self._kinematics, self._voice)
-        self._chain(Chain((*run, *off.segments)))
+        self._chain(ContinuousPath((*run, *off.segments)))
         for chain in approach.depart(legs, off, self._machine, self._kinematics):
             self._chain(chain)
 
@@ -530,8 +530,8 @@ class PathBuilder:
                 if segment.name == "swivel":
                     self._note(segment.place, poles.standing(segment, before, after, self._machine))
                     self._way = None  # of a train before that is linked: here it is
-                    self._chain(Chain(tuple(run)))
-                    self._chain(Chain((segment,)))
+                    self._chain(ContinuousPath(tuple(run)))
+                    self._chain(ContinuousPath((segment,)))
                     run = []
                 else:
                     run.append(segment)
@@ -567,7 +567,7 @@ class PathBuilder:
         if self._run and (rapid or not self._runs_through(self._run[-1], segment)):
             self._rest()
         if len(self._run) > LONGEST_CHAIN:
-            self._items.append(Chain(tuple(self._run), runs_on=True))
+            self._items.append(ContinuousPath(tuple(self._run), runs_on=True))
             self._run = []
         self._run.append(segment)
         self.now = segment.end
@@ -581,10 +581,10 @@ class PathBuilder:
 
     def _rest(self) -> None:
         if self._run:
-            self._items.append(Chain(tuple(self._run)))
+            self._items.append(ContinuousPath(tuple(self._run)))
             self._run = []
 
-    def _chain(self, chain: Chain) -> None:
+    def _chain(self, chain: ContinuousPath) -> None:
         for segment in chain.segments:
             self._audit(segment)
         self._items.append(chain)

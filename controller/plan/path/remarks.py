@@ -14,7 +14,7 @@ from controller.messages import message
 from controller.motion.motions import ThreadMove
 from controller.plan.rotaries.branch import joints_along
 from controller.plan.rotaries.turns import SAME_ROTARY_RAD
-from controller.plan.segment import Chain, Note, PathItem, Pause, Segment
+from controller.plan.segment import ContinuousPath, Note, PathItem, Pause, Segment
 from controller.program.program import Place
 
 OF_PROGRAM = ("line", "arc", "curve")  # names of motions that a program writes itself
@@ -95,7 +95,7 @@ def changed_rotaries(
     """
     before = now = start
     for item in items:
-        if isinstance(item, Chain):
+        if isinstance(item, ContinuousPath):
             now = item.segments[-1].end
         elif item.changing is not None:
             before = now if item.changing.step == 0 else before

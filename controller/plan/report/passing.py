@@ -26,7 +26,7 @@ from controller.plan.feed.course import FeedCourse
 from controller.plan.feed.law import along_each
 from controller.plan.report.planned import Planned
 from controller.plan.restart.program_position import LinePart, lines_along, part_at
-from controller.plan.segment import Chain, PathItem, Segment, Wait
+from controller.plan.segment import ContinuousPath, PathItem, Segment, Wait
 from controller.plan.timetable import MAX_EVENTS, Event, Passed, event_of
 from controller.plan.waits import OPTIONAL
 
@@ -64,7 +64,7 @@ class Passing:
     def watched(self, items: Iterable[PathItem]) -> Iterator[PathItem]:
         """The same path."""
         for item in items:
-            if isinstance(item, Chain):
+            if isinstance(item, ContinuousPath):
                 parts_of = lines_along(item)
                 lines = zip(item.segments, parts_of, strict=True)
                 self._parts.update((id(segment), (segment, parts)) for segment, parts in lines)

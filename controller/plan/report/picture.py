@@ -30,7 +30,7 @@ from controller.machine.model import Joints, Machine
 from controller.motion.motions import JointMove, SurfaceCut, ToolLine, ToolSpline
 from controller.plan.report.works import work_of
 from controller.plan.rotaries.branch import joints_along
-from controller.plan.segment import Chain, PathItem, Segment
+from controller.plan.segment import ContinuousPath, PathItem, Segment
 from controller.program.program import Act
 
 Whole = NDArray[np.int64]
@@ -117,14 +117,14 @@ class Picture:
     def watched(self, items: Iterable[PathItem]) -> Iterator[PathItem]:
         """The same path; what it looks like is noted as it is read."""
         for item in items:
-            if isinstance(item, Chain):
+            if isinstance(item, ContinuousPath):
                 self.take(item)
             elif item.act is Act.TOOL:
                 tool = item.modal.tool_in(self.machine)
                 self._length_mm = tool.length_mm if tool is not None else self._length_mm
             yield item
 
-    def take(self, chain: Chain) -> None:
+    def take(self, chain: ContinuousPath) -> None:
         """The next chain of the path."""
         if chain.first_id is not None:
             self._motion = chain.first_id

@@ -18,7 +18,7 @@ from controller.messages import message
 from controller.motion.motions import SurfaceCut
 from controller.plan.restart import reentry
 from controller.plan.restart.reentry import RETRACT_MM_S, Entrance, NotPossible, Reentry, along_axis
-from controller.plan.segment import Chain, PathItem, Pause, Segment, motion_named, straight, xyz_of
+from controller.plan.segment import ContinuousPath, PathItem, Pause, Segment, motion_named, straight, xyz_of
 from controller.plan.surfaces import audit
 from controller.plan.surfaces.approach import at_height
 from controller.program.program import UNSAID, Act, Modal, Place
@@ -96,10 +96,10 @@ def enter(target: Target, now: Joints, in_spindle: int, entrance: Entrance, name
         before, after = way(now, onto, target.clear_mm, target.place, entrance)
     except NotPossible as error:
         raise target.place.refusal(name, error.said) from error
-    items: list[PathItem] = [Chain((segment,)) for segment in before]
+    items: list[PathItem] = [ContinuousPath((segment,)) for segment in before]
     items += _settings(target, in_spindle)
-    items += [Chain((segment,)) for segment in (*after, *onto.ways)]
-    if onto.joins and isinstance(last := items[-1], Chain):
+    items += [ContinuousPath((segment,)) for segment in (*after, *onto.ways)]
+    if onto.joins and isinstance(last := items[-1], ContinuousPath):
         items[-1] = replace(last, runs_on=True)
     return items
 

@@ -16,7 +16,7 @@ from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints
 from controller.plan.restart.restart import Rest
 from controller.plan.rotaries.branch import joints_along
-from controller.plan.segment import Chain, Segment
+from controller.plan.segment import ContinuousPath, Segment
 
 AHEAD_MM = 200.0  # of the path, from the place on: more than a second of cut and the drives' ramps
 STEP_MM = 0.25
@@ -50,7 +50,7 @@ def _ahead(rest: Rest) -> list[tuple[Segment, float]]:
     left_mm = AHEAD_MM
     for item in rest.items:
         for k, segment in enumerate(item.segments):
-            from_s = item.from_s if k == 0 and isinstance(item, Chain) else 0.0
+            from_s = item.from_s if k == 0 and isinstance(item, ContinuousPath) else 0.0
             made.append((segment, from_s))
             left_mm -= segment.motion.end - from_s
         if left_mm <= 0.0:

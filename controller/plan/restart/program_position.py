@@ -10,7 +10,7 @@ from bisect import bisect_left, bisect_right
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
-from controller.plan.segment import Chain, Segment
+from controller.plan.segment import ContinuousPath, Segment
 
 # What stands beside the blocks of a program: to a surface and off it, and turns between two.
 BESIDE = frozenset(
@@ -35,7 +35,7 @@ class Spot(NamedTuple):
     s: float = 0.0
 
 
-def fraction_at(chain: Chain, index: int, s: float) -> float:
+def fraction_at(chain: ContinuousPath, index: int, s: float) -> float:
     """The fraction of its line that is done at ``s`` of the chain's segment ``index``."""
     order = chain.segments[index].order_at(s)
     done = whole = 0.0
@@ -61,7 +61,7 @@ def part_at(parts: Sequence[LinePart], s: float) -> tuple[LinePart, float]:
     return part, min(1.0, max(0.0, part.fraction + (s - part.from_s) * part.per_s))
 
 
-def lines_along(chain: Chain, begun: float = 0.0) -> list[tuple[LinePart, ...]]:
+def lines_along(chain: ContinuousPath, begun: float = 0.0) -> list[tuple[LinePart, ...]]:
     """Of each segment of a chain, in the order of s: what ``line_at`` and ``fraction_at`` say of it.
 
     ``begun``: of a chain that is the rest of another, the fraction of its first line at ``chain.from_s``.
@@ -109,7 +109,7 @@ def _parts(segment: Segment) -> Iterator[tuple[int, int, float, float]]:
     yield from zip(segment.line_orders, lines, begins, ends, strict=True)
 
 
-def place_in(chain: Chain, line: int, fraction: float) -> tuple[int, float] | None:
+def place_in(chain: ContinuousPath, line: int, fraction: float) -> tuple[int, float] | None:
     """(index, s) of a fraction of a line, the first time that it runs; None where the chain has nothing of
     the line itself."""
     spans = list(_spans(chain, _first_order(chain, line)))
@@ -121,7 +121,7 @@ def place_in(chain: Chain, line: int, fraction: float) -> tuple[int, float] | No
     return None
 
 
-def _first_order(chain: Chain, line: int) -> int:
+def _first_order(chain: ContinuousPath, line: int) -> int:
     """``Place.order`` of a line, the first time that it runs in a chain."""
     if not chain.place.step:
         return line
@@ -131,7 +131,7 @@ def _first_order(chain: Chain, line: int) -> int:
     return -1
 
 
-def _spans(chain: Chain, order: int) -> Iterator[tuple[int, float, float]]:
+def _spans(chain: ContinuousPath, order: int) -> Iterator[tuple[int, float, float]]:
     """(index, from s, to s) of all that a line itself asks for."""
     for k, segment in enumerate(chain.segments):
         if segment.name in BESIDE:

@@ -31,7 +31,7 @@ from controller.plan.restart.program_position import (
 )
 from controller.plan.restart.reentry import Entrance, Fitted, begins_at, joints_at
 from controller.plan.restart.tops import Tops
-from controller.plan.segment import Chain, PathItem, Pause
+from controller.plan.segment import ContinuousPath, PathItem, Pause
 from controller.plan.surfaces.walls import NONE, Walls
 from controller.program import modal
 from controller.program.modal import State
@@ -135,7 +135,7 @@ def named(items: Iterable[PathItem], first_id: int) -> list[PathItem]:
     """The same path with its motions counted from ``first_id`` on."""
     made: list[PathItem] = []
     for item in items:
-        if isinstance(item, Chain):
+        if isinstance(item, ContinuousPath):
             made.append(replace(item, first_id=first_id))
             first_id += len(item.segments)
         else:
@@ -212,7 +212,7 @@ class _Search:
         if self._spot.motion_id in (FORMER, AFTER_CHANGE) and self._goes_back:
             raise self._none("restart.which_time")
 
-    def _pass(self, chain: Chain) -> None:
+    def _pass(self, chain: ContinuousPath) -> None:
         self._note_tops(chain)
         self._count += len(chain.segments)
         self._stands = chain.segments[-1].end
@@ -226,7 +226,7 @@ class _Search:
         here = line == self._spot.line if self._goes_back else line >= self._spot.line
         return here and self._spot.fraction == 0.0
 
-    def _in(self, chain: Chain) -> tuple[int, float] | None:
+    def _in(self, chain: ContinuousPath) -> tuple[int, float] | None:
         """(index, s) of the place if it is in this chain."""
         line, fraction, motion_id, s = self._spot
         if motion_id >= 0:
@@ -240,7 +240,7 @@ class _Search:
             return found
         return self._first(chain, line)
 
-    def _first(self, chain: Chain, line: int) -> tuple[int, float] | None:
+    def _first(self, chain: ContinuousPath, line: int) -> tuple[int, float] | None:
         """Where the first motion of this line, or of one behind it, begins; of this line alone where lines
         are carried out in another order than they stand."""
         if self._goes_back:
@@ -254,7 +254,7 @@ class _Search:
         return None
 
     @staticmethod
-    def _first_of(chain: Chain, line: int) -> tuple[int, float] | None:
+    def _first_of(chain: ContinuousPath, line: int) -> tuple[int, float] | None:
         for k, segment in enumerate(chain.segments):
             if segment.place.line == line:
                 return k, 0.0
@@ -282,7 +282,7 @@ class _Search:
 
     # --- what is left from there
 
-    def _from(self, chain: Chain, k: int, s: float) -> Rest:
+    def _from(self, chain: ContinuousPath, k: int, s: float) -> Rest:
         """From inside a chain; over the end of rapids that the place is in, and of what cuts nothing."""
         while chain.segments[k].feed_mm_s is None or begins_at(chain.segments[k], s) is None:
             self._stands = chain.segments[k].end
@@ -299,7 +299,7 @@ class _Search:
         self._note_tops(chain)
         return self._on(chain, k, min(max(s, 0.0), chain.segments[k].motion.end))
 
-    def _on(self, chain: Chain, k: int, s: float) -> Rest:
+    def _on(self, chain: ContinuousPath, k: int, s: float) -> Rest:
         segment = chain.segments[k]
         s = begins_at(segment, s) or 0.0
         self._check_known()
@@ -329,7 +329,7 @@ class _Search:
         tool = (known.moving or known.before).tool_in(self._source.machine)
         return tool.length_mm if tool is not None else 0.0
 
-    def _note_tops(self, chain: Chain) -> None:
+    def _note_tops(self, chain: ContinuousPath) -> None:
         for segment in chain.segments:
             self._tops.note(segment, self._length(segment.place.order))
 
@@ -353,7 +353,7 @@ def _then(first: PathItem, items: Iterator[PathItem]) -> Iterator[PathItem]:
 def _counted(items: Iterator[PathItem], first_id: int) -> Iterator[PathItem]:
     """The first chain keeps its number in the whole program; the others are counted on."""
     for item in items:
-        if isinstance(item, Chain):
+        if isinstance(item, ContinuousPath):
             yield replace(item, first_id=first_id)
             break
         yield item

@@ -27,7 +27,15 @@ from controller.machine.model import Joints, Machine
 from controller.motion.motions import Rotaries, SurfaceCut
 from controller.plan.rotaries.branch import field, joints_on
 from controller.plan.rotaries.turns import SAME_ROTARY_RAD
-from controller.plan.segment import Chain, Segment, joints_of, rotaries_of, round_arc, straight, xyz_of
+from controller.plan.segment import (
+    ContinuousPath,
+    Segment,
+    joints_of,
+    rotaries_of,
+    round_arc,
+    straight,
+    xyz_of,
+)
 from controller.plan.surfaces import audit
 from controller.plan.surfaces.cuts import Edge, beside, turn
 from controller.plan.surfaces.leads import Lead
@@ -102,7 +110,7 @@ def above(stand: _Stand, lead: Lead, legs: Sequence[CutSegment], machine: Machin
 
 def arrive(
     legs: Sequence[CutSegment], onto: Lead, now: Joints, machine: Machine, kinematics: Kinematics
-) -> list[Chain]:
+) -> list[ContinuousPath]:
     """Chains from ``now`` to the start of the lead in."""
     leg = legs[0]
     stand = _Stand.at(leg, onto.rotaries, kinematics)
@@ -120,7 +128,9 @@ def arrive(
     )
 
 
-def depart(legs: Sequence[CutSegment], off: Lead, machine: Machine, kinematics: Kinematics) -> list[Chain]:
+def depart(
+    legs: Sequence[CutSegment], off: Lead, machine: Machine, kinematics: Kinematics
+) -> list[ContinuousPath]:
     """Chains from the end of the lead out to the retract height."""
     stand = _Stand.at(legs[-1], off.rotaries, kinematics)
     clear = above(stand, off, legs, machine, kinematics)
@@ -140,9 +150,9 @@ def at_height(joints: Joints, z_mm: float, kinematics: Kinematics) -> Joints:
     return kinematics.arrange((x, y, z_mm, *pair))
 
 
-def chains(*segments: Segment | None) -> list[Chain]:
+def chains(*segments: Segment | None) -> list[ContinuousPath]:
     """One chain for each segment that moves."""
-    return [Chain((segment,)) for segment in segments if segment is not None]
+    return [ContinuousPath((segment,)) for segment in segments if segment is not None]
 
 
 # ---- inside a train --------------------------------------------------------------

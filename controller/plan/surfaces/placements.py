@@ -18,7 +18,7 @@ from controller.geometry.splines import BSpline, simplest, splined
 from controller.geometry.surfaces import Surface
 from controller.geometry.vectors import Vector
 from controller.motion.motions import SurfaceCut
-from controller.plan.segment import Chain, PathItem
+from controller.plan.segment import ContinuousPath, PathItem
 from controller.plan.surfaces.axis_curves import SMOOTH
 
 FORMAT = 4  # another one where the same numbers would mean another pose
@@ -123,11 +123,11 @@ class Noted:
 
     def __iter__(self) -> Iterator[PathItem]:
         for item in self._items:
-            if isinstance(item, Chain):
+            if isinstance(item, ContinuousPath):
                 self._note(item)
             yield item
 
-    def _note(self, chain: Chain) -> None:
+    def _note(self, chain: ContinuousPath) -> None:
         for segment in chain.segments:
             surface = segment.motion.surface if isinstance(segment.motion, SurfaceCut) else None
             if isinstance(surface, Placed) and surface.name:

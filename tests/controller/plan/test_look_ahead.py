@@ -14,7 +14,7 @@ from controller.machine.model import Limits, Machine
 from controller.plan.feed import pace, profile
 from controller.plan.feed.course import FeedCourse
 from controller.plan.report.planned import planned
-from controller.plan.segment import Chain
+from controller.plan.segment import ContinuousPath
 
 
 def heavy(acceleration: float) -> Machine:
@@ -25,7 +25,7 @@ def heavy(acceleration: float) -> Machine:
     return replace(machine, axes=tuple(axes))
 
 
-def long_way(machine: Machine) -> Chain:
+def long_way(machine: Machine) -> ContinuousPath:
     """Eight circles of 251 mm in one go, faster than they can be run."""
     circles = ["G2 X40. Y0. I-40. F6000."] * 8
     source = "\n".join(["G21 G90 G54 G61", "G0 X40. Y0.", *circles, "M30", ""])

@@ -15,7 +15,7 @@ from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
 from controller.messages import message
 from controller.plan.planner import AHEAD_S, Planner
-from controller.plan.segment import Chain, PathItem
+from controller.plan.segment import ContinuousPath, PathItem
 from controller.program.program import ProgramError
 from controller.state.modes import Fault, Mode
 
@@ -336,7 +336,7 @@ def test_with_single_block_each_block_ends_at_rest_with_its_mark() -> None:
 
 def test_the_path_is_read_only_as_far_as_it_is_needed_and_forgotten_behind() -> None:
     desk = Desk("G1 F600. X10.\nM30\n")
-    chain = next(item for item in desk.items if isinstance(item, Chain))
+    chain = next(item for item in desk.items if isinstance(item, ContinuousPath))
     read = 0
 
     def endless() -> Iterator[PathItem]:
@@ -344,7 +344,7 @@ def test_the_path_is_read_only_as_far_as_it_is_needed_and_forgotten_behind() -> 
         back = traced_programs.trace("G1 F600. X10.\nX0.\nM30\n", desk.machine, chain.segments[0].start).items
         while read < 10_000:
             read += 1
-            yield from (item for item in back if isinstance(item, Chain))
+            yield from (item for item in back if isinstance(item, ContinuousPath))
 
     desk.planner.load(endless(), BEGIN_S)
     desk.fill()

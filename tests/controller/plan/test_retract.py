@@ -16,7 +16,7 @@ from controller.machine.model import Joints
 from controller.plan import off_path
 from controller.plan.off_path import SAME, Detour
 from controller.plan.restart.reentry import NotPossible, room_along_axis
-from controller.plan.segment import Chain, PathItem, Pause
+from controller.plan.segment import ContinuousPath, PathItem, Pause
 from controller.program.program import Act, Place
 from controller.state.modes import Mode
 
@@ -29,7 +29,7 @@ def corners(items: Iterable[PathItem]) -> list[Joints]:
     """Where a way turns; it ends with a stop."""
     *chains, last = items
     assert isinstance(last, Pause) and last.act is Act.STOP
-    segments = [chain.segments[0] for chain in chains if isinstance(chain, Chain)]
+    segments = [chain.segments[0] for chain in chains if isinstance(chain, ContinuousPath)]
     return [segments[0].start, *(segment.end for segment in segments)]
 
 

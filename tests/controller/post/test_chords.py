@@ -11,7 +11,7 @@ from controller.machine import machine_file
 from controller.machine.model import Machine
 from controller.motion.motions import SurfaceCut
 from controller.plan.rotaries.branch import joints_along
-from controller.plan.segment import Chain, Segment
+from controller.plan.segment import ContinuousPath, Segment
 from controller.post.chords import Form, corners, poses
 from controller.post.text import Asked, height_mm, post
 from controller.runtime import checked
@@ -44,7 +44,7 @@ def items(asked: checked.Task) -> list:
 
 
 def segments(asked: checked.Task) -> list[Segment]:
-    return [one for item in items(asked) if isinstance(item, Chain) for one in item.segments]
+    return [one for item in items(asked) if isinstance(item, ContinuousPath) for one in item.segments]
 
 
 def held(asked: checked.Task, row: list[Segment], height: float, count: int) -> Array:

@@ -21,7 +21,7 @@ from controller.geometry.vectors import Frame
 from controller.machine.kinematics import kinematics_of
 from controller.plan.report import explained
 from controller.plan.rotaries.branch import joints_along
-from controller.plan.segment import Chain, Segment
+from controller.plan.segment import ContinuousPath, Segment
 from controller.plan.surfaces.rates import derivatives
 from controller.program import blocks
 from controller.program.position import homed
@@ -151,7 +151,9 @@ def test_a_second_g5_goes_on_in_the_direction_of_the_first() -> None:
     went_on = places(curve(first + "M8\nG5 X20 Y5 P1 Q-4\n"))
     written = places(curve(first + "G5 X20 Y5 I3 J-1 P1 Q-4\n"))
     assert np.abs(went_on - written).max() < 1e-12
-    chains = [i for i in trace(HEAD + first + "G5 X20 Y5 P1 Q-4\n", MILL).items if isinstance(i, Chain)]
+    chains = [
+        i for i in trace(HEAD + first + "G5 X20 Y5 P1 Q-4\n", MILL).items if isinstance(i, ContinuousPath)
+    ]
     assert [len(chain.segments) for chain in chains][-1] == 2  # no stop where they meet
 
 

@@ -8,7 +8,7 @@ from support.machines.interrupted_runs import EXAMPLE_2
 from support.machines.stepped_runs import shipped
 
 from controller.plan.restart.program_position import Spot
-from controller.plan.segment import Chain, Pause
+from controller.plan.segment import ContinuousPath, Pause
 from controller.program.program import ProgramError
 from controller.runtime import checked
 
@@ -24,7 +24,7 @@ def test_a_dry_run_of_the_whole_program_is_its_path_with_every_cut_off_the_part(
         if isinstance(b, Pause):
             assert b.modal.spindle_rev_min == 0.0 and b.modal.coolant == 0
             continue
-        assert isinstance(a, Chain)
+        assert isinstance(a, ContinuousPath)
         for one, other in zip(a.segments, b.segments, strict=True):
             if one.cutting:
                 way = np.subtract(other.start, one.start)
@@ -41,6 +41,6 @@ def test_the_rest_of_a_program_begins_at_the_place_with_the_choices_of_its_check
     asked = task()
     rest = checked.rest_of(asked, checked.chosen_for(asked), Spot(19, 0.5))
     whole = checked.segments(checked.path_of(asked, checked.chosen_for(asked)))
-    first = next(item for item in rest.items if isinstance(item, Chain))
+    first = next(item for item in rest.items if isinstance(item, ContinuousPath))
     assert first.first_id == rest.spot.motion_id and first.from_s == rest.spot.s
     assert first.segments[0].start == whole[rest.spot.motion_id].start

@@ -15,7 +15,7 @@ from controller.machine import machine_file
 from controller.machine.model import Sense
 from controller.motion.motions import SurfaceCut
 from controller.plan.rotaries.branch import joints_along
-from controller.plan.segment import Chain
+from controller.plan.segment import ContinuousPath
 from controller.program.program import CutNurbs
 from controller.runtime import checked
 from controller.runtime.plan_news import PathNotes
@@ -68,7 +68,7 @@ def test_u_of_a_surface_in_parts_is_that_of_the_whole_curve():
     upper, lower = random_nurbs.blade(6)
     machine = replace(machine_file.load("trunnion"), gouge="warn")
     task = checked.task(random_nurbs.text(upper, lower, 600.0).encode(), "blade.ngc", machine)
-    chains = (item for item in checked.path_of(task).items if isinstance(item, Chain))
+    chains = (item for item in checked.path_of(task).items if isinstance(item, ContinuousPath))
     segments = dict(enumerate(segment for chain in chains for segment in chain.segments))
     (block,) = (one for one in task.read() if isinstance(one, CutNurbs))
     cuts = {k: one for k, one in segments.items() if one.cutting}

@@ -25,7 +25,7 @@ from controller.machine.model import Joints, Machine
 from controller.motion.motions import SurfaceCut
 from controller.plan.path import path
 from controller.plan.path.path import Path as TracedPath
-from controller.plan.segment import Chain, Segment
+from controller.plan.segment import ContinuousPath, Segment
 from controller.program import blocks
 from controller.runtime.startup import SessionError
 from controller.service.folders import Folders
@@ -162,7 +162,7 @@ def home(machine: Machine) -> tuple[float, ...]:
 def off_path(rows: np.ndarray, of: TracedPath, machine: Machine) -> np.ndarray:
     """Distance (mm) of each row's commanded tip from the exact path, on the table; dwells left out."""
     kinematics = kinematics_of(machine)
-    chains = (item for item in of.items if isinstance(item, Chain))
+    chains = (item for item in of.items if isinstance(item, ContinuousPath))
     segments = [segment for chain in chains for segment in chain.segments]
     moving = rows[rows[:, COLUMN["motion_id"]] >= 0]
     return np.array([_off(row, segments[int(row[COLUMN["motion_id"]])], kinematics) for row in moving])

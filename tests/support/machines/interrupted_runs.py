@@ -16,7 +16,7 @@ from controller.plan.path import path
 from controller.plan.restart import restart
 from controller.plan.restart.program_position import ENTRY_ID, Spot
 from controller.plan.restart.restart import Rest, Source
-from controller.plan.segment import Chain, PathItem, Segment
+from controller.plan.segment import ContinuousPath, PathItem, Segment
 from controller.plan.surfaces import choices
 from controller.program import blocks
 from controller.runtime.events import Event
@@ -83,7 +83,7 @@ def segments(
         machine = replace(machine, in_spindle=in_spindle)
     asked = source(text, machine, start=start)
     tracer = path.PathBuilder(asked.name, machine, asked.kinematics, asked.start, asked.chosen or {})
-    chains = [item for item in tracer.items(asked.blocks) if isinstance(item, Chain)]
+    chains = [item for item in tracer.items(asked.blocks) if isinstance(item, ContinuousPath)]
     return dict(enumerate(segment for chain in chains for segment in chain.segments))
 
 

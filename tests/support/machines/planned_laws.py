@@ -13,12 +13,16 @@ from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
 from controller.plan.feed import profile
 from controller.plan.feed.course import FeedCourse
-from controller.plan.segment import Chain, Segment, rotaries_of
+from controller.plan.segment import ContinuousPath, Segment, rotaries_of
 
 
-def chains(source: str, machine: Machine) -> list[Chain]:
+def chains(source: str, machine: Machine) -> list[ContinuousPath]:
     home = tuple(axis.homing.position for axis in machine.axes)
-    return [item for item in traced_programs.trace(source, machine, home).items if isinstance(item, Chain)]  # type: ignore[arg-type]
+    return [
+        item
+        for item in traced_programs.trace(source, machine, home).items
+        if isinstance(item, ContinuousPath)
+    ]  # type: ignore[arg-type]
 
 
 def laws_of(segments: Sequence[Segment], machine: Machine, override: float = 1.0) -> list[Law]:

@@ -13,7 +13,7 @@ from controller.machine.model import Joints, Machine
 from controller.motion.motions import SurfaceCut
 from controller.plan.path import path
 from controller.plan.rotaries.branch import joints_along
-from controller.plan.segment import Chain, Path, Segment, rotaries_of
+from controller.plan.segment import ContinuousPath, Path, Segment, rotaries_of
 from controller.program import blocks
 
 HOME: Joints = (0.0, 0.0, 200.0, 0.0, 0.0)
@@ -30,7 +30,7 @@ def trace(text: str, built: Machine | None = None, start: Joints = HOME) -> Path
 
 
 def segments(traced: Path) -> list[Segment]:
-    return [s for item in traced.items if isinstance(item, Chain) for s in item.segments]
+    return [s for item in traced.items if isinstance(item, ContinuousPath) for s in item.segments]
 
 
 def named(traced: Path, name: str) -> list[Segment]:
@@ -39,7 +39,7 @@ def named(traced: Path, name: str) -> list[Segment]:
 
 def names(traced: Path) -> list[list[str]]:
     """Names of the segments of each chain."""
-    return [[s.name for s in item.segments] for item in traced.items if isinstance(item, Chain)]
+    return [[s.name for s in item.segments] for item in traced.items if isinstance(item, ContinuousPath)]
 
 
 def sentences(traced: Path) -> str:

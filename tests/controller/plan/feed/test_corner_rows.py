@@ -12,7 +12,7 @@ from controller.machine.kinematics import kinematics_of
 from controller.plan.feed import bounds, profile, search
 from controller.plan.feed.course import FeedCourse
 from controller.plan.report.planned import windows_along
-from controller.plan.segment import Chain
+from controller.plan.segment import ContinuousPath
 from controller.plan.track import Track
 
 SHARP = 5.0, 15.0
@@ -21,14 +21,14 @@ OF_TIME = 5e-3  # ... or by more for being sought in parts
 SEEDS = [1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (2, 3, 4, 5))]
 
 
-def row(count: int, feed: float = 3000.0, seed: int = 1, path: str = "G64 P0.001") -> Chain:
+def row(count: int, feed: float = 3000.0, seed: int = 1, path: str = "G64 P0.001") -> ContinuousPath:
     """The chain of all chords."""
     found = chains(plane_chords.program(count, SHARP, path, feed, seed), shipped())
     feeds = (chain for chain in found if chain.segments[0].feed_mm_s is not None)
     return max(feeds, key=lambda chain: sum(one.motion.end for one in chain.segments))
 
 
-def duration_s(chain: Chain) -> float:
+def duration_s(chain: ContinuousPath) -> float:
     return sum(law.duration_s for law in laws_of(chain.segments, shipped()))
 
 

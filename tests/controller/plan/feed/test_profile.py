@@ -26,7 +26,7 @@ from controller.plan.feed.course import FeedCourse
 from controller.plan.feed.law import straight, through
 from controller.plan.feed.limits import JointLimits
 from controller.plan.feed.profile import Profile, State
-from controller.plan.segment import Chain
+from controller.plan.segment import ContinuousPath
 from controller.program.program import ProgramError
 
 OVERSHOOT = 1e-9  # of the feed: rounding
@@ -119,7 +119,9 @@ def test_an_even_piece_has_no_jerk_at_all() -> None:
 # --- whole programs, sampled as the tick samples them
 
 
-def assert_exact_feed(chain: Chain, laws: list[Law], places: list[np.ndarray], machine: Machine) -> float:
+def assert_exact_feed(
+    chain: ContinuousPath, laws: list[Law], places: list[np.ndarray], machine: Machine
+) -> float:
     """Where the feed is reached every tick covers feed x period; the share of ticks that do."""
     even, all_of = 0, 0
     for segment, law, s in zip(chain.segments, laws, places, strict=True):
@@ -134,7 +136,7 @@ def assert_exact_feed(chain: Chain, laws: list[Law], places: list[np.ndarray], m
     return even / max(all_of, 1)
 
 
-def assert_limits(chain: Chain, machine: Machine, label: object) -> tuple[float, float]:
+def assert_limits(chain: ContinuousPath, machine: Machine, label: object) -> tuple[float, float]:
     """(duration, share of ticks at exactly the feed)."""
     laws = laws_of(chain.segments, machine)
     joints, places = sampled(chain.segments, laws, machine)
@@ -164,7 +166,7 @@ def test_example_2_at_its_own_feed_keeps_it_nearly_everywhere() -> None:
     assert max(shares) > 0.99
 
 
-def unseen(seed: int) -> tuple[list[Chain], Machine, float] | None:
+def unseen(seed: int) -> tuple[list[ContinuousPath], Machine, float] | None:
     rng = random.Random(seed)
     machine = shipped(
         rng.choice(("trunnion", "fig4b", "fig4c", "fig4d", "table_head", "head_head", "oblique45"))

@@ -24,7 +24,7 @@ from controller.plan.feed.course import FeedCourse
 from controller.plan.lines import exact_rows
 from controller.plan.path import path
 from controller.plan.rotaries.branch import joints_along
-from controller.plan.segment import Chain, Segment
+from controller.plan.segment import ContinuousPath, Segment
 from controller.program import blocks
 from controller.program.program import ProgramError
 from controller.runtime.events import Event
@@ -53,14 +53,14 @@ def random_lines(seed: int, vectors: bool) -> str:
     return "\n".join(rows) + "\n"
 
 
-def alone(monkeypatch: pytest.MonkeyPatch, source: str, machine: Machine) -> list[Chain]:
+def alone(monkeypatch: pytest.MonkeyPatch, source: str, machine: Machine) -> list[ContinuousPath]:
     """The same program with every line a motion of its own."""
     with monkeypatch.context() as patched:
         patched.setattr(exact_rows, "MIN_LINES", 10**9)
         return chains(source, machine)
 
 
-def lines_of(found: list[Chain], kinematics: Kinematics) -> list[tuple[int, float, Array]]:
+def lines_of(found: list[ContinuousPath], kinematics: Kinematics) -> list[tuple[int, float, Array]]:
     """(program line, tip's feed in its middle, joints at shares of it) of every feed line, in order."""
     told = []
     shares = np.array([0.0, 0.3, 0.5, 0.8, 1.0])
@@ -76,13 +76,13 @@ def lines_of(found: list[Chain], kinematics: Kinematics) -> list[tuple[int, floa
     return told
 
 
-def rests(found: list[Chain]) -> list[int]:
+def rests(found: list[ContinuousPath]) -> list[int]:
     """The lines behind which the machine rests."""
     ended = [chain.segments[-1] for chain in found if not chain.runs_on]
     return [one.motion.lines[-1] if isinstance(one.motion, ToolSpline) else one.place.line for one in ended]
 
 
-def rows_of(found: list[Chain]) -> list[Segment]:
+def rows_of(found: list[ContinuousPath]) -> list[Segment]:
     return [one for chain in found for one in chain.segments if isinstance(one.motion, ToolSpline)]
 
 
@@ -160,7 +160,7 @@ def test_a_row_takes_no_longer_than_its_lines_within_the_same_limits(
     assert took[0] <= 1.05 * took[1]
 
 
-def _takes_s(found: list[Chain], machine: Machine) -> float:
+def _takes_s(found: list[ContinuousPath], machine: Machine) -> float:
     whole = 0.0
     for chain in found:
         laws = laws_of(chain.segments, machine)
@@ -199,8 +199,8 @@ def test_a_line_that_is_refused_is_told_as_ever_and_what_is_before_it_is_there(
         with pytest.raises(ProgramError) as error:
             for item in path.stream(made, "part.ngc", machine, kinematics, traced_programs.HOME):
                 given.append(item)
-        last = [item for item in given if isinstance(item, Chain)][-1].segments[-1]
-        told.append((error.value.line, error.value.sentence, rests([Chain((last,))])))
+        last = [item for item in given if isinstance(item, ContinuousPath)][-1].segments[-1]
+        told.append((error.value.line, error.value.sentence, rests([ContinuousPath((last,))])))
     assert told[0] == told[1]
 
 
@@ -220,7 +220,7 @@ def test_a_row_and_a_line_that_is_none_meet_at_rest(count: int) -> None:
     long = f"X{0.02 * count + 1.0:.4f} A{30 + 0.002 * count:.4f}"
     more = [f"X{0.02 * k + 1.0:.4f} A{30 + 0.002 * k:.4f}" for k in range(count + 1, 2 * count)]
     text = "G55 G61 G43.4 G0 X0 Y0 Z0 A10 C0\nG1 F600\n" + "\n".join([*rows, long, *more]) + "\n"
-    found = [item for item in traced_programs.trace(text).items if isinstance(item, Chain)][1:]
+    found = [item for item in traced_programs.trace(text).items if isinstance(item, ContinuousPath)][1:]
     kinds = [one.is_exact_row for chain in found for one in chain.segments]
     assert True in kinds and False in kinds
     for before, after in itertools.pairwise(found):
@@ -233,7 +233,7 @@ def test_a_row_behind_another_goes_on_without_a_rest() -> None:
     count = 3 * exact_rows.FIRST
     rows = "".join(f"X{0.02 * k:.4f} A{10 + 0.002 * k:.4f}\n" for k in range(1, count))
     traced = traced_programs.trace("G55 G61 G43.4 G0 X0 Y0 Z0 A10 C0\nG1 F600\n" + rows)
-    found = [item for item in traced.items if isinstance(item, Chain)][1:]
+    found = [item for item in traced.items if isinstance(item, ContinuousPath)][1:]
     assert [chain.runs_on for chain in found] == [True] * (len(found) - 1) + [False] and len(found) > 1
     numbers = [n for chain in found for one in rows_of([chain]) for n in one.motion.lines]
     assert numbers == list(range(3, 2 + count))

@@ -16,7 +16,7 @@ from controller.machine.kinematics import kinematics_of
 from controller.motion.motions import JointMove, ToolLine
 from controller.plan.path import path
 from controller.plan.rotaries.branch import joints_along
-from controller.plan.segment import Chain, Segment
+from controller.plan.segment import ContinuousPath, Segment
 from controller.plan.surfaces.rates import derivatives
 from controller.program import blocks
 from controller.program.program import ProgramError
@@ -196,7 +196,7 @@ def test_a_choice_from_outside_is_taken() -> None:
         made = blocks.stream(text, MILL, "part.ngc")
         items = list(path.stream(made, "part.ngc", MILL, kinematics, HOME, {1: wanted}))
         first = items[0]
-        assert isinstance(first, Chain)
+        assert isinstance(first, ContinuousPath)
         assert first.segments[0].end[3:] == pytest.approx(wanted)
 
 
@@ -205,14 +205,14 @@ def test_a_choice_from_outside_is_taken() -> None:
 
 def test_exact_lines_run_through_slight_corners_and_stop_at_others() -> None:
     text = "G55 G61 G43.4 G0 X0 Y0 Z0 A10 C0\nG1 X1 A10.1 F600\nX2 Y0.002 A10.2\nX3 Y1\n"
-    chains = [item for item in trace(text).items if isinstance(item, Chain)]
+    chains = [item for item in trace(text).items if isinstance(item, ContinuousPath)]
     assert [len(chain.segments) for chain in chains] == [1, 2, 1]
 
 
 def test_an_endless_row_of_exact_lines_comes_in_parts() -> None:
     rows = "".join(f"X{0.3 * k:.4f} A{10 + 0.03 * k:.4f}\n" for k in range(1, 200))
     traced = trace("G55 G61 G43.4 G0 X0 Y0 Z0 A10 C0\nG1 F600\n" + rows)
-    chains = [item for item in traced.items if isinstance(item, Chain)][1:]
+    chains = [item for item in traced.items if isinstance(item, ContinuousPath)][1:]
     assert sum(len(chain.segments) for chain in chains) == 199
     assert [chain.runs_on for chain in chains] == [True] * (len(chains) - 1) + [False]
     assert max(len(chain.segments) for chain in chains) < 100

@@ -20,7 +20,7 @@ from controller.plan.lines.meant import Waiting
 from controller.plan.look_ahead import Orders, TrackPlace, Windows
 from controller.plan.path import path
 from controller.plan.rotaries.branch import joints_along
-from controller.plan.segment import Chain, Path
+from controller.plan.segment import ContinuousPath, Path
 from controller.plan.track import Track
 from controller.program import blocks
 from controller.program.program import ProgramError
@@ -94,7 +94,7 @@ def test_a_corner_that_is_meant_is_a_rest_on_the_corner() -> None:
     text = "G55\nG0 X0 Y0 Z0\nG1 F600\n" + "".join(f"X{x:.5f} Y{y:.5f}\n" for x, y in bows)
     traced = trace(text, MILL)
     assert_whole(traced, MILL)
-    chains = [item for item in traced.items if isinstance(item, Chain)][1:]
+    chains = [item for item in traced.items if isinstance(item, ContinuousPath)][1:]
     assert [kind for c in chains for kind in {type(s.motion) for s in c.segments}] == [ToolSpline] * 2
     assert chains[0].segments[-1].end[:2] == pytest.approx((4.0, 0.0), abs=1e-9)
     assert not chains[0].runs_on
@@ -128,7 +128,7 @@ def test_lines_that_go_on_in_one_direction_stay_lines() -> None:
 def test_rotaries_that_go_on_alike_under_standing_axes_stay_lines() -> None:
     traced = trace("G55\nG0 X0 Y0 Z0 A0 C0\nG1 A10 C5 F600\nA20 C10\nA30 C15\n", MILL)
     assert kinds(traced) == [JointMove] * 4
-    assert [len(item.segments) for item in traced.items if isinstance(item, Chain)] == [1, 3]
+    assert [len(item.segments) for item in traced.items if isinstance(item, ContinuousPath)] == [1, 3]
 
 
 def test_many_small_turns_of_a_standing_tip_are_a_row() -> None:
@@ -172,7 +172,7 @@ def test_what_is_sound_comes_before_a_line_that_is_refused() -> None:
     with pytest.raises(ProgramError, match="travel"):
         for item in made:
             found.append(item)
-    ends = [item.segments[-1].motion for item in found if isinstance(item, Chain)]
+    ends = [item.segments[-1].motion for item in found if isinstance(item, ContinuousPath)]
     assert isinstance(ends[-1], ToolSpline) and ends[-1].lines[-1] == 53
 
 

@@ -20,7 +20,7 @@ from controller.motion.motions import ROW, JointMove, ToolLine, ToolSpline
 from controller.plan.lines import rows
 from controller.plan.path import path
 from controller.plan.rotaries.branch import joints_along
-from controller.plan.segment import Chain, Path, Segment, tip_rate
+from controller.plan.segment import ContinuousPath, Path, Segment, tip_rate
 from controller.plan.surfaces.rates import derivatives
 from controller.program import blocks
 
@@ -62,7 +62,7 @@ def test_the_tip_stays_within_p_of_the_lines_and_the_axis_near_theirs(vectors: b
     nearest = [int(((at[:, :3] - tip) ** 2).sum(axis=1).argmin()) for tip in tips[cut]]
     half_a_line = 0.02
     assert cam_lines.degrees_between(axes[cut], at[nearest, 3:]).max() <= 0.05 + half_a_line
-    assert not any(chain.runs_on for chain in traced.items[-2:] if isinstance(chain, Chain))
+    assert not any(chain.runs_on for chain in traced.items[-2:] if isinstance(chain, ContinuousPath))
 
 
 def test_a_smooth_row_is_few_spans_and_moves_as_far_as_its_lines() -> None:
@@ -76,7 +76,7 @@ def test_a_smooth_row_is_few_spans_and_moves_as_far_as_its_lines() -> None:
 
 def test_rows_of_any_length_come_in_parts_that_fit_without_a_jump() -> None:
     traced, _ = cam(9000, False)
-    chains = [item for item in traced.items if isinstance(item, Chain)]
+    chains = [item for item in traced.items if isinstance(item, ContinuousPath)]
     assert len(chains) > 4
     assert [c.runs_on for c in chains] == [False] + [True] * (len(chains) - 2) + [False]
     for before, after in itertools.pairwise(splines(traced)):

@@ -11,7 +11,7 @@ from support.machines.stepped_runs import Cut, cut, largest, off_the_plan, shipp
 
 from controller.machine.kinematics import kinematics_of
 from controller.plan.restart.program_position import ENTRY_ID, Spot
-from controller.plan.segment import Chain
+from controller.plan.segment import ContinuousPath
 
 TEXT = """G21 G90 G54 G61 G17
 G0 X0 Y0 Z40
@@ -94,7 +94,9 @@ def test_a_fraction_of_a_curve_is_that_share_of_its_length(line: int, fraction: 
     rest = rest_of(TEXT, Spot(line, fraction), machine)
     assert rest.what == "curve" and rest.spot.line == line
     assert rest.spot.fraction == pytest.approx(fraction, abs=1e-9)
-    items = [item for item in rest.entered((0.0, 0.0, 260.0, 0.0, 0.0), 1) if isinstance(item, Chain)]
+    items = [
+        item for item in rest.entered((0.0, 0.0, 260.0, 0.0, 0.0), 1) if isinstance(item, ContinuousPath)
+    ]
     k = next(i for i, chain in enumerate(items) if (chain.first_id or 0) < ENTRY_ID)
     motion = items[k].segments[0].motion
     there = motion.joints(items[k].from_s, (0.0, 0.0), kinematics_of(machine))

@@ -14,7 +14,7 @@ from support.machines.traced_programs import assert_whole, mill, named, names, s
 from controller.geometry.vectors import Frame
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
-from controller.plan.segment import Chain, Pause
+from controller.plan.segment import ContinuousPath, Pause
 from controller.program.program import Act, ProgramError
 
 CONE = "G51 X0. Y15. Z0. I0. J0. K0. H10. R10. D{} F100.\n"
@@ -75,7 +75,9 @@ def test_the_two_surfaces_of_example_2_run_through_in_one_chain() -> None:
     cuts = named(traced, "cut")
     assert [round(c.motion.end, 4) for c in cuts] == [50.5115, 36.7618]
     assert any(
-        [s.name for s in item.segments].count("cut") == 2 for item in traced.items if isinstance(item, Chain)
+        [s.name for s in item.segments].count("cut") == 2
+        for item in traced.items
+        if isinstance(item, ContinuousPath)
     )
     assert "Joins the block of line 1" in sentences(traced)
     assert_whole(traced, built)

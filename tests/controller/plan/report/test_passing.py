@@ -12,7 +12,7 @@ from controller.plan.path import path
 from controller.plan.report.passing import MAX_MARKS, OWN, Passing, passed_s, place_of
 from controller.plan.report.survey import survey
 from controller.plan.restart.program_position import lines_along, part_at
-from controller.plan.segment import Chain
+from controller.plan.segment import ContinuousPath
 
 CLOSE = 0.005  # of the duration ...
 SHORT_S = 0.06  # ... or this: nobody sees it of a program of seconds
@@ -34,7 +34,7 @@ def passing_of(text: str) -> tuple[Passing, float, dict[int, tuple[str, tuple]]]
     motions = [
         (segment.name, parts)
         for chain in chains()
-        if isinstance(chain, Chain)
+        if isinstance(chain, ContinuousPath)
         for segment, parts in zip(chain.segments, lines_along(chain), strict=True)
     ]
     return made, found.duration_s, dict(enumerate(motions))

@@ -20,16 +20,16 @@ from controller.plan.restart.program_position import (
     fraction_at,
     lines_along,
 )
-from controller.plan.segment import Chain
+from controller.plan.segment import ContinuousPath
 
 PROGRAMS = {"surfaces": EXAMPLE_2, "lines": LINES, "blended": LINES.replace("G61", "G64 P0.05"), "tips": TIPS}
 SHARES = np.linspace(0.0, 1.0, 23)
 
 
-def chains(text: str) -> Iterator[Chain]:
+def chains(text: str) -> Iterator[ContinuousPath]:
     asked = source(text, shipped())
     tracer = path.PathBuilder(asked.name, asked.machine, asked.kinematics, asked.start, asked.chosen or {})
-    yield from (item for item in tracer.items(asked.blocks) if isinstance(item, Chain))
+    yield from (item for item in tracer.items(asked.blocks) if isinstance(item, ContinuousPath))
 
 
 def at(parts: tuple[LinePart, ...], s: float) -> tuple[int, float]:
@@ -61,7 +61,7 @@ def test_what_is_told_in_a_rest_is_what_was_told_in_the_whole(name: str) -> None
                 rest = rest_of(
                     PROGRAMS[name], Spot(segment.line_at(begin), 0.0, number + k, begin), shipped()
                 )
-                first = next(item for item in rest.items if isinstance(item, Chain))
+                first = next(item for item in rest.items if isinstance(item, ContinuousPath))
                 assert first.from_s == begin and (first.first_id or 0) == number + k < ENTRY_ID
                 told = at(lines_along(first, rest.spot.fraction)[0], later)
                 assert told == (segment.line_at(later), pytest.approx(at(parts, later)[1], abs=1e-9))

@@ -13,7 +13,7 @@ from controller.machine.kinematics import kinematics_of
 from controller.plan.restart import entry, restart
 from controller.plan.restart.program_position import ENTRY_ID, FORMER, Spot
 from controller.plan.restart.reentry import Entrance
-from controller.plan.segment import Chain, Pause
+from controller.plan.segment import ContinuousPath, Pause
 from controller.program.program import Act, ProgramError
 
 FIRST, SECOND = 10, 19  # lines of the two surfaces of Example 2
@@ -47,7 +47,7 @@ def test_a_lead_is_begun_again_at_its_start_and_one_that_leads_off_is_passed_ove
 def test_the_entry_ends_at_the_very_joints_of_the_uninterrupted_path(fraction: float) -> None:
     machine = shipped()
     rest = rest_of(EXAMPLE_2, Spot(SECOND, fraction), machine)
-    chains = [item for item in rest.entered(HOME, 2) if isinstance(item, Chain)]
+    chains = [item for item in rest.entered(HOME, 2) if isinstance(item, ContinuousPath)]
     k = next(i for i, chain in enumerate(chains) if (chain.first_id or 0) < ENTRY_ID)
     end = chains[k - 1].segments[-1].end
     first = segments(EXAMPLE_2, machine)[rest.spot.motion_id]
@@ -236,7 +236,9 @@ def test_what_is_left_from_any_line_on_is_what_the_whole_run_has_from_there(name
     whole = list(segments(text, machine).values())
     for line in {segment.place.line for segment in whole}:
         rest = rest_of(text, Spot(line, 0.0), machine)
-        left = [segment for item in rest.items if isinstance(item, Chain) for segment in item.segments]
+        left = [
+            segment for item in rest.items if isinstance(item, ContinuousPath) for segment in item.segments
+        ]
         behind = whole[len(whole) - len(left) :]
         assert [(s.place, s.end, s.feed_mm_s) for s in left] == [
             (s.place, s.end, s.feed_mm_s) for s in behind

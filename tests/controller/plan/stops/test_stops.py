@@ -24,7 +24,7 @@ from controller.plan.feed.course import FeedCourse
 from controller.plan.feed.limits import JointLimits
 from controller.plan.feed.profile import Profile
 from controller.plan.rotaries.branch import joints_along
-from controller.plan.segment import Chain, straight
+from controller.plan.segment import ContinuousPath, straight
 from controller.plan.stops import check
 from controller.plan.stops.table import stops
 from controller.plan.stops.way import Way
@@ -58,7 +58,7 @@ def planned(source: str, machine: Machine, only: str = "") -> Iterator[Planned]:
     kinematics = kinematics_of(machine)
     home = tuple(axis.homing.position for axis in machine.axes)
     for item in traced_programs.trace(source, machine, home).items:  # type: ignore[arg-type]
-        if isinstance(item, Chain):
+        if isinstance(item, ContinuousPath):
             for run in profile.split_at_stops(item.segments, machine, kinematics, 1.0):
                 if not only or any(segment.name == only for segment in run):
                     course = FeedCourse(run, machine, kinematics)

@@ -25,7 +25,7 @@ from controller.machine.model import Machine, Tool
 from controller.plan.feed.course import FeedCourse
 from controller.plan.feed.limits import JointLimits
 from controller.plan.rotaries.branch import joints_along
-from controller.plan.segment import Chain, Path, Segment, rotaries_of
+from controller.plan.segment import ContinuousPath, Path, Segment, rotaries_of
 from controller.program.program import ProgramError
 
 RADII = (1.0, 1.5, 3.0, 5.0, 8.0)
@@ -55,7 +55,12 @@ def program(surfaces: list[Pair], side: str, head: str = "") -> str:
 
 def joints_between(traced: Path) -> list[tuple[Segment, Segment]]:
     """Every two cuts that follow each other without anything between them."""
-    pairs = [p for item in traced.items if isinstance(item, Chain) for p in itertools.pairwise(item.segments)]
+    pairs = [
+        p
+        for item in traced.items
+        if isinstance(item, ContinuousPath)
+        for p in itertools.pairwise(item.segments)
+    ]
     return [(a, b) for a, b in pairs if a.name == b.name == "cut"]
 
 
@@ -330,7 +335,7 @@ def test_the_overcut_of_a_concave_corner_is_that_of_an_envelope(
     assert len(named(traced, "pivot")) == 1, sentences(traced)
     (um,) = re.findall(r"concave corner, which costs either surface up to ([0-9.]+) um", sentences(traced))
     kinematics, s = kinematics_of(built), np.linspace(0.0, 1.0, 2501)
-    way = [one for item in traced.items if isinstance(item, Chain) for one in item.segments]
+    way = [one for item in traced.items if isinstance(item, ContinuousPath) for one in item.segments]
     way = [one for one in way if one.name in ("cut", "pivot")]
     part = way[0].motion.part
     tips, axes = (

@@ -18,7 +18,7 @@ from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
 from controller.motion.motions import Rotaries
 from controller.plan.path.path import stream
-from controller.plan.segment import Chain, Diagnostics, Path, rotaries_of
+from controller.plan.segment import ContinuousPath, Diagnostics, Path, rotaries_of
 from controller.plan.surfaces import auto, legs, train
 from controller.plan.surfaces.choices import choices
 from controller.program import blocks
@@ -97,7 +97,9 @@ def test_no_cut_is_slower_than_on_another_branch_that_fits(name: str) -> None:
 
         def cut_s(chosen: dict[int, Rotaries], blocks: Sequence[Block] = read.blocks) -> float:
             items = stream(blocks, "part.ngc", built, kinematics, now, chosen)
-            (chain,) = (i for i in items if isinstance(i, Chain) and any(s.name == "cut" for s in i.segments))
+            (chain,) = (
+                i for i in items if isinstance(i, ContinuousPath) and any(s.name == "cut" for s in i.segments)
+            )
             laws = zip(chain.segments, laws_of(chain.segments, built), strict=True)
             return sum(law.duration_s for segment, law in laws if segment.name == "cut")
 

@@ -31,7 +31,7 @@ from controller.plan.feed import profile
 from controller.plan.feed.course import FeedCourse
 from controller.plan.feed.limits import JointLimits
 from controller.plan.rotaries.branch import joints_along
-from controller.plan.segment import Chain, Path, Segment
+from controller.plan.segment import ContinuousPath, Path, Segment
 from controller.plan.surfaces.leads import MAX_TILT_RAD, MAX_TURN_RAD, SLENDER
 from controller.program.program import ProgramError
 
@@ -175,7 +175,9 @@ def test_a_law_leads_from_a_fast_lead_to_a_slow_cut_and_keeps_its_feed_at_both_r
     built = shipped()
     home = tuple(axis.homing.position for axis in built.axes)
     traced = trace("G42\n" + CONE.format("0.4", feed), built, home)
-    (run,) = (item.segments for item in traced.items if isinstance(item, Chain) and len(item.segments) == 3)
+    (run,) = (
+        item.segments for item in traced.items if isinstance(item, ContinuousPath) and len(item.segments) == 3
+    )
     course = FeedCourse(run, built, kinematics_of(built))
     plan = profile.plan(course)
     assert plan is not None and plan.joins
@@ -229,7 +231,9 @@ def test_a_longer_lead_mm_never_makes_a_cut_slower(seed: int) -> None:
     for lead_mm in (1.3, 2.0, 3.0, 4.0, 5.0, 9.0, 20.0):
         one = replace(built, lead_mm=lead_mm)
         traced = trace(twisted(seed), one, home)
-        (chain,) = (c for c in traced.items if isinstance(c, Chain) and "cut" in {s.name for s in c.segments})
+        (chain,) = (
+            c for c in traced.items if isinstance(c, ContinuousPath) and "cut" in {s.name for s in c.segments}
+        )
         laws = zip(chain.segments, laws_of(chain.segments, one), strict=True)
         cut_s = sum(law.duration_s for segment, law in laws if segment.name == "cut")
         seen.append((cut_s, RESTS in sentences(traced)))

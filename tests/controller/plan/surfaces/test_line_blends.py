@@ -19,7 +19,7 @@ from support.machines.traced_programs import (
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
 from controller.plan.path import path
-from controller.plan.segment import Chain, Path, PathItem
+from controller.plan.segment import ContinuousPath, Path, PathItem
 from controller.program import blocks
 from controller.program.program import ProgramError
 
@@ -121,4 +121,4 @@ def test_a_refused_surface_comes_behind_the_row_before_it() -> None:
     with pytest.raises(ProgramError, match="coincide"):
         for item in path.stream(made, "part.ngc", machine, kinematics_of(machine), HOME):
             found.append(item)
-    assert [s.name for item in found if isinstance(item, Chain) for s in item.segments][-1] == "line"
+    assert [s.name for item in found if isinstance(item, ContinuousPath) for s in item.segments][-1] == "line"

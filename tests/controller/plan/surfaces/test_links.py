@@ -16,7 +16,7 @@ from controller.machine import machine_file
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
 from controller.plan.path import path
-from controller.plan.segment import Chain
+from controller.plan.segment import ContinuousPath
 from controller.program import blocks
 from controller.program.program import ProgramError
 
@@ -98,7 +98,7 @@ def test_what_is_sound_before_a_corner_that_is_refused_is_cut_all_the_same() -> 
     made = []
     with pytest.raises(ProgramError, match="concave corner"):
         for item in path.stream(read, "part.ngc", built, kinematics_of(built), HOME):
-            made += [segment.name for segment in item.segments] if isinstance(item, Chain) else []
+            made += [segment.name for segment in item.segments] if isinstance(item, ContinuousPath) else []
     assert "cut" in made and made[-1] == "retract"
 
 
