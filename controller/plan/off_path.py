@@ -29,10 +29,10 @@ from controller.plan.restart import entry, other_tool, reentry
 from controller.plan.restart.program_position import ENTRY_ID, Spot
 from controller.plan.restart.reentry import (
     RETRACT_MM_S,
-    Entrance,
     Fitted,
     NotPossible,
     Reentry,
+    WayOnto,
     along_axis,
     joints_at,
 )
@@ -168,7 +168,7 @@ class Detour:
             path = Track(rest.opened(rest.items), machine, kinematics, probes=True)
             path.goes_on(left[0])
             left, stood = (path, TrackPlace(0, rest.spot.s)), rest.target.joints
-        entrance = Entrance(machine, kinematics, fitted)
+        entrance = WayOnto(machine, kinematics, fitted)
         onto, (track, place) = self._onto(*left, stood, rest, entrance)
         length_mm = 0.0 if fitted.tool is None else fitted.tool.length_mm
         clear_mm = fitted.walls.height(onto.waits, length_mm, kinematics) + machine.clearance_mm
@@ -182,7 +182,7 @@ class Detour:
         return way
 
     def _onto(
-        self, track: Track, place: TrackPlace, stood: Joints, rest: Rest | None, entrance: Entrance
+        self, track: Track, place: TrackPlace, stood: Joints, rest: Rest | None, entrance: WayOnto
     ) -> tuple[Reentry, Left]:
         """How a path is gone on with that was left at a place of it, the joints at ``stood``, and where."""
         number, s = place

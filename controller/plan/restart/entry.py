@@ -17,7 +17,7 @@ from controller.machine.model import Joints, Machine
 from controller.messages import message
 from controller.motion.motions import SurfaceCut
 from controller.plan.restart import reentry
-from controller.plan.restart.reentry import RETRACT_MM_S, Entrance, NotPossible, Reentry, along_axis
+from controller.plan.restart.reentry import RETRACT_MM_S, NotPossible, Reentry, WayOnto, along_axis
 from controller.plan.segment import ContinuousPath, PathItem, Pause, Segment, motion_named, straight, xyz_of
 from controller.plan.surfaces import audit
 from controller.plan.surfaces.approach import at_height
@@ -40,7 +40,7 @@ class Target:
         """Whether a surface is cut there."""
         return self.segment is not None and isinstance(self.segment.motion, SurfaceCut)
 
-    def reentry(self, entrance: Entrance) -> Reentry:
+    def reentry(self, entrance: WayOnto) -> Reentry:
         """The way onto the path there. Raises NotPossible."""
         if self.segment is None:
             return entrance.enter_pause(self.joints, self.place, self.clear_mm)
@@ -48,7 +48,7 @@ class Target:
 
 
 def way(
-    now: Joints, onto: Reentry, clear_mm: float, place: Place, entrance: Entrance, has_cut: bool = False
+    now: Joints, onto: Reentry, clear_mm: float, place: Place, entrance: WayOnto, has_cut: bool = False
 ) -> tuple[list[Segment], list[Segment]]:
     """The way from ``now`` to where the tool waits: up and over, and down. Raises NotPossible.
 
@@ -82,7 +82,7 @@ def way(
     return laid[0], laid[1]
 
 
-def enter(target: Target, now: Joints, in_spindle: int, entrance: Entrance, name: str) -> list[PathItem]:
+def enter(target: Target, now: Joints, in_spindle: int, entrance: WayOnto, name: str) -> list[PathItem]:
     """The way from ``now`` onto the target, with tool, spindle and coolant as they are there.
 
     ``in_spindle``: number of the tool that is in the spindle. Raises ProgramError where the way leaves an

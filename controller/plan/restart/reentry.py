@@ -112,7 +112,7 @@ def is_free(segment: Segment) -> bool:
 
 
 @dataclass(frozen=True, slots=True)
-class Entrance:
+class WayOnto:
     """Lays ways onto a path, with what is fitted on a machine."""
 
     machine: Machine

@@ -29,7 +29,7 @@ from controller.plan.restart.program_position import (
     fraction_at,
     place_in,
 )
-from controller.plan.restart.reentry import Entrance, Fitted, begins_at, joints_at
+from controller.plan.restart.reentry import Fitted, WayOnto, begins_at, joints_at
 from controller.plan.restart.tops import Tops
 from controller.plan.segment import ContinuousPath, PathItem, Pause
 from controller.plan.surfaces.walls import NONE, Walls
@@ -94,7 +94,7 @@ class Rest:
     def entered(self, now: Joints, in_spindle: int) -> Iterator[PathItem]:
         """All of the path: from the joints ``now`` to the place, and the rest. Raises ProgramError."""
         here = self.source
-        entrance = Entrance(here.machine, here.kinematics, here.fitted(self.target.modal))
+        entrance = WayOnto(here.machine, here.kinematics, here.fitted(self.target.modal))
         way = entry.enter(self.target, now, in_spindle, entrance, here.name)
         first = self._first_line() if here.machine.changer is not None else []
         return self.opened(itertools.chain(named(way, ENTRY_ID), first, self.items))
