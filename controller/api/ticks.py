@@ -20,7 +20,8 @@ from controller import npz
 from controller.api import signals
 from controller.api.answers import Refusal
 from controller.api.service_client import ServiceClient
-from controller.api.signals import Array, Signals
+from controller.api.signals import Signals
+from controller.geometry.arrays import Array
 from controller.ipc import packed_rows
 from controller.ipc.handoff import COLUMN, ROW, rows_of
 from controller.machine import machine_file

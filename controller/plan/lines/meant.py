@@ -12,9 +12,8 @@ import math
 from typing import NamedTuple, TypeGuard
 
 import numpy as np
-import numpy.typing as npt
 
-from controller.geometry.arrays import columns
+from controller.geometry.arrays import Array, Flags, columns
 from controller.geometry.vectors import Vector
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine
@@ -25,8 +24,6 @@ from controller.plan.lines.lines import Stand
 from controller.plan.stretch import STANDS_MM, rotaries_of, xyz_of
 from controller.program.program import Block, JointLine, Modal, Tip, TipLine
 
-Array = npt.NDArray[np.float64]
-Bools = npt.NDArray[np.bool_]
 Line = JointLine | TipLine
 
 FIRST_LOOK, MAX_LOOK = (
@@ -121,7 +118,7 @@ class Waiting:
 
     # ---- corners -----------------------------------------------------------------------
 
-    def _corners(self, places: Array) -> tuple[Bools, Bools]:
+    def _corners(self, places: Array) -> tuple[Flags, Flags]:
         """Of each corner between two lines, (n - 1,): whether it is run through, whether it is one at all.
 
         The corner is seen beside the straight way (tip and axis together) from the line's beginning
