@@ -163,6 +163,10 @@ class ServiceStore:
         with self.write() as sql:
             put_document(sql, name, value)
 
+    def keep(self, name: str, value: Any) -> None:
+        """Likewise on a full disk, too. Raises OSError."""
+        self.insist(lambda sql: put_document(sql, name, value))
+
     def insist(self, work: Callable[[sqlite3.Connection], object]) -> None:
         """A transaction of what is to be kept on a full disk, too. Raises OSError.
 

@@ -16,7 +16,6 @@ import sqlite3
 import struct
 import tempfile
 import time
-import traceback
 import zipfile
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -28,6 +27,7 @@ from support.fakes import cutting_service
 from support.fakes.fake_engine import FakeEngine, served
 from support.machines.stepped_runs import shipped
 from support.machines.stored_tools import StoredTools
+from support.suite.other_user import GROUP, PANEL, SERVICE, ends_well, needs_root
 from typer.testing import CliRunner
 
 from controller import atomic_file, own_database, own_files
@@ -56,8 +56,6 @@ from controller.state.setpoints import SETPOINTS
 from controller.store import service_store, set_up_store, tool_store
 from controller.store.service_store import ServiceStore
 
-SERVICE, PANEL, GROUP = 64001, 64002, 64000
-needs_root = pytest.mark.skipif(os.geteuid() != 0, reason="a second user takes root to make")
 Do = Callable[[Path, Path], object]
 
 
@@ -400,22 +398,6 @@ def test_no_archive_that_root_makes_has_what_nobody_but_root_may_read(
             with zipfile.ZipFile(outside.parent / archive) as parts:
                 assert not [name for name in parts.namelist() if b"$6$" in parts.read(name)], verb
     assert (outside.parent / "case.zip").exists()
-
-
-def ends_well(user: int, do: Callable[[], object]) -> bool:
-    """Whether a process of a user that does it ends without an error."""
-    if (child := os.fork()) == 0:
-        try:
-            os.setgroups([])
-            os.setgid(GROUP)
-            os.setuid(user)
-            os.umask(0o007)
-            do()
-            os._exit(0)
-        except BaseException:
-            traceback.print_exc()
-            os._exit(1)
-    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
 
 
 @needs_root

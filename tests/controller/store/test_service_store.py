@@ -58,10 +58,12 @@ def test_the_newest_is_there_and_one_before(folder: Path) -> None:
 
 def test_a_kill_loses_nothing_that_was_kept(tmp_path: Path) -> None:
     if (child := os.fork()) == 0:
-        store = ServiceStore(tmp_path)
-        for number in range(20):
-            store.put("usage", {"n": number})
-        os._exit(9)
+        try:
+            store = ServiceStore(tmp_path)
+            for number in range(20):
+                store.put("usage", {"n": number})
+        finally:  # or the tests after this one would go on in the child, too
+            os._exit(9)
     os.waitpid(child, 0)
     assert lost(tmp_path) == ({"n": 19}, [])
 
