@@ -29,6 +29,7 @@ from controller.plan.stretch import Stretch
 from controller.plan.surfaces.rates import Derivatives, derivatives, kind, together
 
 Array = npt.NDArray[np.float64]
+Bools = npt.NDArray[np.bool_]
 Index = npt.NDArray[np.intp]
 
 REMEMBERED = 256  # stretches: more than a window has
@@ -111,7 +112,7 @@ class FeedCourse:
             return derivatives(stretch, np.clip(s - start, 0.0, stretch.motion.end), self.kinematics)
         found = [np.empty((len(s), len(self.machine.axes))) for _ in range(3)]
         for members in groups:
-            here = np.isin(index, members)
+            here: Bools | slice = np.isin(index, members) if len(groups) > 1 else slice(None)
             of = np.searchsorted(members, index[here])
             stretches = [self.stretches[k] for k in members]
             ends = np.array([stretch.motion.end for stretch in stretches])[of]
@@ -220,21 +221,21 @@ class FeedCourse:
         return self._junctions[k]
 
     def at_ends(self, k: int) -> Derivatives:
-        """At the beginning and the end of stretch ``k``; of lines, of which there are many, all at once."""
+        """At the beginning and the end of stretch ``k``; of a row, in which there are many, all at once."""
         if k not in self._ends:
-            in_row = isinstance(self.stretches[k].motion, ToolLine) and len(self.stretches) > MAX_SINGLE
-            if in_row and self._kind(k) is not None:
-                self._ends |= self._line_ends(k)
+            in_row = isinstance(self.stretches[k].motion, ToolLine | ToolSpline)
+            if in_row and len(self.stretches) > MAX_SINGLE and self._kind(k) is not None:
+                self._ends |= self._row_ends(k)
             else:
                 self._ends[k] = _at_ends(self.stretches[k], self.begins[k], self.kinematics)
         return self._ends[k]
 
-    def _line_ends(self, k: int) -> dict[int, Derivatives]:
-        """Of all lines of the same kind as ``k``."""
+    def _row_ends(self, k: int) -> dict[int, Derivatives]:
+        """Of all stretches of the same kind as ``k``."""
         alike = [n for n in range(len(self.stretches)) if self._kind(n) == self._kind(k)]
-        lines = [self.stretches[n] for n in alike]
+        row = [self.stretches[n] for n in alike]
         ends = np.array([[self.begins[n], self.stretches[n].motion.end] for n in alike]).ravel()
-        d = together(lines, ends, np.repeat(np.arange(len(lines)), 2), self.kinematics)
+        d = together(row, ends, np.repeat(np.arange(len(row)), 2), self.kinematics)
         return {
             n: Derivatives(*(order[2 * i : 2 * i + 2] for order in (d.first, d.second, d.third)))
             for i, n in enumerate(alike)

@@ -99,7 +99,7 @@ def derivatives(stretch: Stretch, s: Array, kinematics: Kinematics) -> Derivativ
     if isinstance(stretch.motion, ToolLine):
         return Derivatives(*tool_paths.derivatives_of_line(stretch.motion, s, kinematics))
     if isinstance(stretch.motion, ToolSpline):
-        return Derivatives(*tool_paths.derivatives_of_spline(stretch.motion, s, kinematics))
+        return together([stretch], s, np.zeros(len(s), dtype=np.intp), kinematics)
     return _derivatives_of_cut(stretch, stretch.motion, s, kinematics)
 
 
@@ -247,6 +247,8 @@ def kind(stretch: Stretch, kinematics: Kinematics) -> object:
         return tool_paths.kind(cut, kinematics)
     if isinstance(cut, JointMove):
         return JointMove if isinstance(cut.curve, Line) else None
+    if isinstance(cut, ToolSpline):
+        return ToolSpline, cut.tips, cut.length_mm
     if not isinstance(cut, SurfaceCut) or cut.touches or cut.beside_pole:
         return None
     surface = cut.surface
@@ -275,6 +277,9 @@ def together(stretches: Sequence[Stretch], s: Array, of: Index, kinematics: Kine
     lines = [one.motion for one in stretches if isinstance(one.motion, ToolLine)]
     if lines:
         return Derivatives(*tool_paths.derivatives_of_lines(lines, s, of, kinematics))
+    splines = [one.motion for one in stretches if isinstance(one.motion, ToolSpline)]
+    if splines:
+        return Derivatives(*tool_paths.derivatives_of_splines(splines, s, of, kinematics))
     moves = [one.motion for one in stretches if isinstance(one.motion, JointMove)]
     if moves:
         return _even(np.array([_rates(move, kinematics) for move in moves])[of])
