@@ -11,8 +11,8 @@ import math
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
+from controller.geometry.arrays import Array
 from controller.plan.feed import barrier, mesh
 from controller.plan.feed.bounds import Bounds
 from controller.plan.feed.course import FeedCourse, Index
@@ -29,8 +29,6 @@ from controller.plan.feed.search import (
 )
 from controller.plan.feed.ticked import Ticked, of
 from controller.plan.surfaces.rates import Derivatives
-
-Array = npt.NDArray[np.float64]
 
 ROUNDS = 4
 FINE = 1.002  # of each limit, as ``JointLimits`` of a course has them: good enough ...
@@ -52,7 +50,7 @@ class Straight(FeedCourse):
 
     def __init__(self, ticked: Ticked, limits: JointLimits) -> None:
         course = ticked.course
-        super().__init__(course.stretches[:1], course.machine, course.kinematics)
+        super().__init__(course.segments[:1], course.machine, course.kinematics)
         self._ticked, self._cells = ticked, limits
         self.starts = np.array([0.0, course.length])
 

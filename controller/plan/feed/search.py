@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from controller.geometry.arrays import distinct
+from controller.geometry.arrays import Array, Flags, distinct
 from controller.plan.feed import barrier, mesh
 from controller.plan.feed.bounds import INNER, Bounds, Grid, Shares
 from controller.plan.feed.course import FeedCourse, Index
@@ -23,8 +23,6 @@ from controller.plan.feed.law import straight, through
 from controller.plan.junctions import MARGIN
 from controller.plan.surfaces.rates import Derivatives
 
-Array = npt.NDArray[np.float64]
-Bools = npt.NDArray[np.bool_]
 Law = tuple[Array, Array]  # times (n + 1,) and pieces (n, 6)
 Way = tuple[Array, Array]  # places and speeds along a law, (N,) each
 
@@ -70,7 +68,7 @@ class Excess:
         shares = [float(use.max()) / most for use, most in zip(self._all(), FINE, strict=True)]
         return float(max(share ** (1.0 / (k + 1)) for k, share in enumerate(shares)))
 
-    def exceeds(self, fine: tuple[float, float, float]) -> Bools:
+    def exceeds(self, fine: tuple[float, float, float]) -> Flags:
         """The intervals in which something is not as ``fine``, (n,)."""
         velocity, acceleration, jerk = fine
         over = (self.velocity > velocity) | (self.tip > acceleration)
@@ -92,7 +90,7 @@ class Looked(NamedTuple):
         """At most 1.0 where it is good enough."""
         return self.excess.over(FINE)
 
-    def near(self, reach_s: float) -> Bools:
+    def near(self, reach_s: float) -> Flags:
         """The intervals that begin within such a time of one that is not good enough, (n,)."""
         return np.asarray(mesh.time_away(self.law[0][:-1:2], self.excess.exceeds(FINE)) <= reach_s)
 
