@@ -190,7 +190,7 @@ def _steady_lag(ramps: Sequence[AxisTicks]) -> float:
 
 
 def _standing_for(steady: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """The second half of each stretch that is steady: by then the answer is, too."""
+    """The second half of each segment that is steady: by then the answer is, too."""
     found = np.zeros_like(steady)
     edges = np.flatnonzero(np.diff(np.concatenate(([False], steady, [False])).astype(int)))
     for begin, end in zip(edges[::2], edges[1::2], strict=True):

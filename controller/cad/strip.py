@@ -15,13 +15,13 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from controller.cad.arcs import Trimmed
 from controller.cad.bound import Bound
 from controller.cad.clip import Clip, clips
 from controller.cad.curve import NoFit, Nurbs, fit
 from controller.cad.outline import Outline, TurnedPlane
+from controller.geometry.arrays import Array
 from controller.geometry.defects import concave_radius, defect
 from controller.geometry.surfaces import RuledSurface
 from controller.geometry.vectors import Vector
@@ -31,7 +31,6 @@ from controller.plan.surfaces.cuts import describe
 if TYPE_CHECKING:
     from controller.cad.kernel import Face, Spline
 
-Array = NDArray[np.float64]
 
 EXACT_MM = 1e-6  # rulings straighter than this are straight
 KINK_SHARE, KINK_RAD = 1e-5, 2e-3  # a curve that turns by more over so little of it has a kink there
@@ -437,7 +436,7 @@ class _Direction:
         return total > 0.0
 
     def _cone(self, lower: Nurbs, upper: Nurbs) -> Cone | None:
-        """The words of G51 where the face is a whole stretch of a cylinder or cone about Z."""
+        """The words of G51 where the face is a whole segment of a cylinder or cone about Z."""
         turned = self.face.turned()
         if turned is None or not self.along_u or not self.outline.is_box:
             return None

@@ -26,7 +26,7 @@ from controller.plan.feed import binding, pace
 from controller.plan.feed.course import MAX_SINGLE, REMEMBERED, FeedCourse
 from controller.plan.feed.profile import Profile, State
 from controller.plan.feed.ticked import is_row
-from controller.plan.path.path import Chain, Pause, Stretch
+from controller.plan.segment import ContinuousPath, Pause, Segment
 from controller.plan.track import Unit
 from controller.plan.waits import SETTING
 from controller.program.program import UNSAID, Act, Await, Level, Outputs, Probing
@@ -59,7 +59,7 @@ class Orders(NamedTuple):
 
     @property
     def shares(self) -> tuple[float, float, float, float]:
-        """As ``Stretch.scale`` takes them."""
+        """As ``Segment.scale`` takes them."""
         return self.override, self.rapid_override, self.adaptive, self.everywhere
 
     @property
@@ -68,7 +68,7 @@ class Orders(NamedTuple):
         return self.override or 1.0, self.rapid_override or 1.0, self.adaptive, self.everywhere
 
 
-class Place(NamedTuple):
+class TrackPlace(NamedTuple):
     """Unit of the track, and s in its motion."""
 
     unit: int
@@ -83,14 +83,14 @@ class Sent:
     start_s: float  # plan time
     end_s: float  # plan time up to which it holds: its rest, or where the next window replaces it
     seam_s: float | None  # plan time from which on the next window is to replace it; None: it ends for good
-    after: Place  # where the path goes on after its rest
+    after: TrackPlace  # where the path goes on after its rest
     orders: Orders
     pieces: tuple[Piece, ...]
     course: FeedCourse | None = None  # None: a pause
     profile: Profile | None = None
-    laws: binding.Laws = ()  # of the profile, stretch by stretch
+    laws: binding.Laws = ()  # of the profile, segment by segment
     stops: StopTable | None = None
-    stretches: dict[int, Stretch] = field(default_factory=dict)  # of its motions, by id
+    segments: dict[int, Segment] = field(default_factory=dict)  # of its motions, by id
     is_split: bool = False  # a block of the program ends inside
     has_optional_stop: bool = False  # one with an M1 does
     is_short: bool = False  # it ends with a block of the program where the course would go on
@@ -113,23 +113,23 @@ class Sent:
 
     def is_blocked(self, orders: Orders) -> bool:
         """Whether an override of nothing forbids it."""
-        return self.course is not None and _stands(self.course.stretches, orders)
+        return self.course is not None and _stands(self.course.segments, orders)
 
-    def place_at(self, plan_s: float) -> Place:
+    def place_at(self, plan_s: float) -> TrackPlace:
         """Where on the path it is at a plan time; a pause stands at its beginning."""
         if self.course is None or self.profile is None:
             ended = not (self.pieces[0].sets or self.pieces[0].stop or self.pieces[0].optional_stop)
-            return self.after if ended and self.end_s <= self.start_s else Place(self.first, 0.0)
+            return self.after if ended and self.end_s <= self.start_s else TrackPlace(self.first, 0.0)
         s = self.profile.at(min(max(plan_s - self.start_s, 0.0), self.profile.duration_s)).s
         k = int(self.course.index(np.array([s]))[0])
-        return Place(self.first + k, s - float(self.course.zeros[k]))
+        return TrackPlace(self.first + k, s - float(self.course.zeros[k]))
 
     def motion_at(self, plan_s: float) -> int | None:
         """Id of the motion in which it is at a plan time."""
         if self.course is None or self.profile is None:
             return None
         s = self.profile.at(plan_s - self.start_s).s
-        return list(self.stretches)[int(self.course.index(np.array([s]))[0])]
+        return list(self.segments)[int(self.course.index(np.array([s]))[0])]
 
 
 class NoLaw(RuntimeError):
@@ -163,26 +163,28 @@ class Windows:
         self._machine, self._kinematics = machine, kinematics
         self._period_s = machine.period_s
         self._takes = lru_cache(REMEMBERED)(self._takes_s)
-        self._row: tuple[Chain, Orders, list[tuple[float, float]]] | None = None  # that was looked at last
+        self._row: tuple[ContinuousPath, Orders, list[tuple[float, float]]] | None = (
+            None  # that was looked at last
+        )
 
     # --- what others ask for
 
     def from_rest(
-        self, track: Units, place: Place, start_s: float, orders: Orders, soon: bool = False
+        self, track: Units, place: TrackPlace, start_s: float, orders: Orders, soon: bool = False
     ) -> Sent | None:
         """The next window or pause from rest; None at the end, and where an override of 0 forbids it."""
         unit = track.at(place.unit)
         if unit is None:
             return None
-        if isinstance(unit.what, Pause):
-            return self._pause(unit, unit.what, place, start_s, orders)
-        place = Place(place.unit, max(place.s, unit.begin))
+        if unit.pause:
+            return self._pause(unit, unit.pause, place, start_s, orders)
+        place = TrackPlace(place.unit, max(place.s, unit.begin))
         if place.s >= unit.length - ROUNDING:
             if not unit.rests:
-                return self.from_rest(track, Place(place.unit + 1, 0.0), start_s, orders, soon)
+                return self.from_rest(track, TrackPlace(place.unit + 1, 0.0), start_s, orders, soon)
             mark = dwell(0.0, unit.line, end=unit.last, optional_stop=unit.optional_stop)
             mark = mark._replace(block_end=unit.block_end)
-            after = Place(place.unit + 1, 0.0)
+            after = TrackPlace(place.unit + 1, 0.0)
             return Sent(place.unit, start_s, start_s, None, after, orders, (mark,))
         begin = State(place.s, 0.0, 0.0)
         seconds = FIRST_S if soon else WINDOW_S
@@ -208,7 +210,7 @@ class Windows:
             return None
         k = int(sent.course.index(np.array([state.s]))[0])
         offset = float(sent.course.zeros[k])
-        place = Place(sent.first + k, state.s - offset)
+        place = TrackPlace(sent.first + k, state.s - offset)
         begin = State(place.s, state.v, state.a)
         guess = _tail(sent.profile, t, offset)
         skips = range(BLOCKS_TO_STOP_IN if orders.stop_inside else 1)
@@ -227,7 +229,13 @@ class Windows:
     # --- how far
 
     def _reach(
-        self, track: Units, place: Place, orders: Orders, seconds: float, skipped: int, least: float = 0.0
+        self,
+        track: Units,
+        place: TrackPlace,
+        orders: Orders,
+        seconds: float,
+        skipped: int,
+        least: float = 0.0,
     ) -> _Reach:
         """Units from ``place`` on that take about ``seconds``, or the course where it takes little more.
 
@@ -239,9 +247,9 @@ class Windows:
         units: list[Unit] = []
         takes: list[float] = []
         number, s, start = place.unit, place.s, 0.0
-        while (unit := track.at(number)) is not None and isinstance(unit.what, Stretch):
+        while (unit := track.at(number)) is not None and unit.segment:
             units.append(unit)
-            takes_s, braking_s = self._unit_takes_s(unit, unit.what, s, orders)
+            takes_s, braking_s = self._unit_takes_s(unit, unit.segment, s, orders)
             takes.append(takes_s)
             seconds = pace.window_s(seconds, braking_s)
             ends, at_end = _stops_of(unit, orders)
@@ -269,46 +277,46 @@ class Windows:
         last = int(np.searchsorted(ends, until))
         return _Reach(units[: last + 1], until, rests=False)
 
-    def _unit_takes_s(self, unit: Unit, stretch: Stretch, s: float, orders: Orders) -> tuple[float, float]:
+    def _unit_takes_s(self, unit: Unit, segment: Segment, s: float, orders: Orders) -> tuple[float, float]:
         """As ``_takes_s``; of a line in a row of lines with all the others of its chain."""
         chain = unit.chain
         if (
             chain is None
             or s > 0.0
-            or not isinstance(stretch.motion, ToolLine)
-            or len(chain.stretches) <= MAX_SINGLE
+            or not isinstance(segment.motion, ToolLine)
+            or len(chain.segments) <= MAX_SINGLE
         ):
-            return self._takes(stretch, s, orders)
+            return self._takes(segment, s, orders)
         if self._row is None or self._row[0] is not chain or self._row[1] != orders:
-            course = FeedCourse(chain.stretches, self._machine, self._kinematics, *orders.scales)
+            course = FeedCourse(chain.segments, self._machine, self._kinematics, *orders.scales)
             self._row = chain, orders, pace.each_takes_s(course)
-        return self._row[2][unit.index] if stretch.scale(*orders.shares) > 0.0 else (0.0, 0.0)
+        return self._row[2][unit.index] if segment.scale(*orders.shares) > 0.0 else (0.0, 0.0)
 
-    def _takes_s(self, stretch: Stretch, from_s: float, orders: Orders) -> tuple[float, float]:
+    def _takes_s(self, segment: Segment, from_s: float, orders: Orders) -> tuple[float, float]:
         """Seconds from ``from_s`` to the end, and the longest that braking takes on the way."""
-        if stretch.scale(*orders.shares) <= 0.0:
+        if segment.scale(*orders.shares) <= 0.0:
             return 0.0, 0.0  # it is not to move at all
-        course = FeedCourse([stretch], self._machine, self._kinematics, *orders.scales)
+        course = FeedCourse([segment], self._machine, self._kinematics, *orders.scales)
         return pace.row_takes_s(course, from_s) if is_row(course) else pace.takes_s(course, from_s)
 
     def _forbidden(self, reach: _Reach, orders: Orders) -> bool:
-        return _stands([u.what for u in reach.units if isinstance(u.what, Stretch)], orders)
+        return _stands([unit.segment for unit in reach.units if unit.segment], orders)
 
     # --- one window
 
     def _window(
         self,
         reach: _Reach,
-        place: Place,
+        place: TrackPlace,
         begin: State,
         guess: Profile | None,
         start_s: float,
         orders: Orders,
     ) -> Sent | None:
         units = reach.units
-        stretches = [unit.what for unit in units if isinstance(unit.what, Stretch)]
+        segments = [unit.segment for unit in units if unit.segment]
         begins = [unit.begin for unit in units]
-        course = FeedCourse(stretches, self._machine, self._kinematics, *orders.scales, begins)
+        course = FeedCourse(segments, self._machine, self._kinematics, *orders.scales, begins)
         found = known.law(course, begin, reach.until, guess)
         if found is None:
             return None
@@ -323,7 +331,7 @@ class Windows:
             course,
             found,
             found.laws(course),
-            stretches={unit.motion_id: s for unit, s in zip(units, stretches, strict=True)},
+            segments={unit.motion_id: s for unit, s in zip(units, segments, strict=True)},
             is_split=any(unit.block_end for unit in units[:-1]) or any(unit.lines_end for unit in units),
             has_optional_stop=any(unit.optional_stop for unit in units[:-1])
             or any(unit.optional_stops for unit in units),
@@ -335,33 +343,33 @@ class Windows:
         """Rounded up to whole periods."""
         return math.ceil(seconds / self._period_s - 1e-6) * self._period_s
 
-    def _after(self, reach: _Reach, place: Place, course: FeedCourse) -> Place:
+    def _after(self, reach: _Reach, place: TrackPlace, course: FeedCourse) -> TrackPlace:
         last = len(reach.units) - 1
         if reach.until is None:
-            return Place(place.unit + last + 1, 0.0)
-        return Place(place.unit + last, reach.until - float(course.zeros[last]))
+            return TrackPlace(place.unit + last + 1, 0.0)
+        return TrackPlace(place.unit + last, reach.until - float(course.zeros[last]))
 
     def _pieces(self, made: Sent, units: list[Unit], reach: _Reach) -> tuple[Piece, ...]:
         assert made.course is not None
         pieces: list[Piece] = []
         for (k, law), binds in zip(made.laws, self._binds(made.course, made.laws), strict=True):
-            stretch, orders = made.course.stretches[k], made.orders
-            rapid = stretch.feed_mm_s is None
+            segment, orders = made.course.segments[k], made.orders
+            rapid = segment.feed_mm_s is None
             pieces.append(
                 Piece(
                     units[k].motion_id,
                     units[k].line,
                     law,
                     law.duration_s,
-                    cutting=stretch.cutting,
+                    cutting=segment.cutting,
                     rapid=rapid,
-                    override=stretch.scale(*orders.shares),
-                    own_feed=not stretch.overrides.feed,
-                    heeds_stop=stretch.overrides.stop,
-                    adaptive=stretch.overrides.adaptive,
+                    override=segment.scale(*orders.shares),
+                    own_feed=not segment.overrides.feed,
+                    heeds_stop=segment.overrides.stop,
+                    adaptive=segment.overrides.adaptive,
                     binds=binds,
-                    outputs=_plain(stretch.outputs),
-                    guarded=stretch.guarded,
+                    outputs=_plain(segment.outputs),
+                    guarded=segment.guarded,
                 )
             )
         rest_s = made.end_s - made.start_s - sum(piece.duration_s for piece in pieces)
@@ -403,7 +411,7 @@ class Windows:
         mask, latched = self._machine.sensor_mask(sensor), sensor.latch_tpdo > 0 and not probe.away
         return Sensing(mask, not probe.away, pause.ends, latched, sensor.latency_s, late)
 
-    def _pause(self, unit: Unit, pause: Pause, place: Place, start_s: float, orders: Orders) -> Sent:
+    def _pause(self, unit: Unit, pause: Pause, place: TrackPlace, start_s: float, orders: Orders) -> Sent:
         sets = pause.turns or (self._machine.has_peripherals and pause.act in SETTING)
         piece = Piece(
             unit.motion_id,
@@ -424,7 +432,7 @@ class Windows:
             awaits=self._awaited(pause.awaits) if pause.awaits is not None else None,
             senses=self._sensing(pause, pause.probe) if pause.probe is not None else None,
         )
-        end_s, after = start_s + piece.duration_s, Place(place.unit + 1, 0.0)
+        end_s, after = start_s + piece.duration_s, TrackPlace(place.unit + 1, 0.0)
         return Sent(place.unit, start_s, end_s, None, after, orders, (piece,))
 
 
@@ -462,22 +470,22 @@ def _stops_of(unit: Unit, orders: Orders) -> tuple[Sequence[float], bool]:
 
 def _has_feed(course: FeedCourse) -> bool:
     """Whether the override of feeds counts somewhere in it."""
-    return any(one.feed_mm_s is not None and one.overrides.feed for one in course.stretches)
+    return any(one.feed_mm_s is not None and one.overrides.feed for one in course.segments)
 
 
 def _is_led(course: FeedCourse, asked: bool) -> bool:
     """Whether adaptive feed counts somewhere in it: where the program has ``asked`` for it, or where not."""
-    feeds = (one.overrides for one in course.stretches if one.feed_mm_s is not None)
+    feeds = (one.overrides for one in course.segments if one.feed_mm_s is not None)
     return any(has.feed and has.adaptive is asked for has in feeds)
 
 
 def _has_rapid(course: FeedCourse) -> bool:
-    return any(stretch.feed_mm_s is None for stretch in course.stretches)
+    return any(segment.feed_mm_s is None for segment in course.segments)
 
 
-def _stands(stretches: Sequence[Stretch], orders: Orders) -> bool:
+def _stands(segments: Sequence[Segment], orders: Orders) -> bool:
     """Whether one of them is at an override of nothing."""
-    return any(one.scale(*orders.shares) <= 0.0 for one in stretches)
+    return any(one.scale(*orders.shares) <= 0.0 for one in segments)
 
 
 def _braking(sent: Sent, plan_s: float, v: float) -> float:

@@ -21,14 +21,7 @@ from controller.machine.model import TOOL_AT_POWER_ON, Joints, Machine
 from controller.messages import Message, message
 from controller.motion.motions import Rotaries
 from controller.plan.look_ahead import NoLaw
-from controller.plan.path import (
-    changed_rotaries,
-    path,
-    plunges,
-    spindle_by_hand,
-    spindle_off,
-    tool_changes,
-)
+from controller.plan.path import path, remarks, spindle_by_hand, tool_changes
 from controller.plan.report import duration, stored, survey
 from controller.plan.report.passing import Passing
 from controller.plan.report.stored import Stored
@@ -36,7 +29,7 @@ from controller.plan.report.survey import BlockUse, Survey
 from controller.plan.restart import restart
 from controller.plan.restart.program_position import Spot
 from controller.plan.restart.restart import Rest, Source
-from controller.plan.stretch import Chain, Note, Pause, Stretch
+from controller.plan.segment import Note, PathItem, Pause, Segment
 from controller.plan.surfaces import choices, cuts, placements, placing
 from controller.plan.surfaces.walls import NONE, Walls
 from controller.program import blocks, carried, modal
@@ -88,7 +81,7 @@ class Task:
 class Walk:
     """A path that is read as it is walked; notes come as they are made."""
 
-    items: Iterable[Chain | Pause]
+    items: Iterable[PathItem]
     notes: list[Note] = field(default_factory=list)
     choices: Mapping[int, Rotaries] = field(default_factory=dict)
 
@@ -126,9 +119,9 @@ def path_of(
     if asked.typed:
         items = _switched_off(items)
     elif not dry_run_mm:
-        items = spindle_off.noted(items, source.machine, tracer.notes.append)
-        items = plunges.noted(items, asked.machine, asked.kinematics, tracer.notes.append)
-        items = changed_rotaries.noted(items, asked.machine, asked.start, tracer.notes.append)
+        items = remarks.standing_spindle(items, source.machine, tracer.notes.append)
+        items = remarks.plunges(items, asked.machine, asked.kinematics, tracer.notes.append)
+        items = remarks.changed_rotaries(items, asked.machine, asked.start, tracer.notes.append)
     if in_spindle is not None:
         note = tracer.notes.append
         before = None if asked.begin is None else modal.begun(asked.machine, asked.begin).modal
@@ -190,7 +183,7 @@ class _Read:
             yield block
 
 
-def _whole(items: Iterator[Chain | Pause], read: _Read, asked: Task) -> Iterator[Chain | Pause]:
+def _whole(items: Iterator[PathItem], read: _Read, asked: Task) -> Iterator[PathItem]:
     """A program without a block is refused; one whose moves all end where they start is a pause.
 
     So is a line by hand that only says how the next ones are meant.
@@ -207,7 +200,7 @@ def _whole(items: Iterator[Chain | Pause], read: _Read, asked: Task) -> Iterator
         yield Pause(read.last.place, read.last.modal)
 
 
-def _switched_off(items: Iterable[Chain | Pause]) -> Iterator[Chain | Pause]:
+def _switched_off(items: Iterable[PathItem]) -> Iterator[PathItem]:
     """After a line by hand what is on stays on, but for M2 and M30."""
     for item in items:
         if isinstance(item, Pause) and item.act is Act.END:
@@ -267,12 +260,12 @@ def _walked(walk: Walk) -> Watched:
     return watched
 
 
-def _fixed(watched: Watched) -> list[Chain | Pause] | None:
+def _fixed(watched: Watched) -> list[PathItem] | None:
     """A path gone through, as it can be gone again; None where it is long, or its run decides on it."""
-    kept, fixed = list[Chain | Pause](), True
+    kept, fixed = list[PathItem](), True
     for item in watched:
         probes = isinstance(item, Pause) and item.probe is not None
-        fixed = fixed and not probes and len(watched.stretches) <= MAX_KEPT
+        fixed = fixed and not probes and len(watched.segments) <= MAX_KEPT
         if fixed:
             kept.append(item)
     return kept if fixed else None
@@ -312,10 +305,9 @@ def _noted(walk: Walk, notes: Sequence[Note]) -> Walk:
     return walk
 
 
-def stretches(walk: Walk) -> dict[int, Stretch]:
-    """All stretches of a path by motion id: the planner counts them in the order of the path."""
-    chains = (item for item in walk.items if isinstance(item, Chain))
-    return dict(enumerate(stretch for chain in chains for stretch in chain.stretches))
+def segments(walk: Walk) -> dict[int, Segment]:
+    """All segments of a path by motion id: the planner counts them in the order of the path."""
+    return dict(enumerate(segment for item in walk.items for segment in item.segments))
 
 
 def check(
@@ -323,7 +315,7 @@ def check(
     where: Path,
     tell: Callable[[BlockUse], None] = lambda _: None,
     progress: Callable[[int], None] = lambda _: None,
-    watch: Callable[[Iterable[Chain | Pause]], Iterable[Chain | Pause]] = lambda items: items,
+    watch: Callable[[Iterable[PathItem]], Iterable[PathItem]] = lambda items: items,
     spread: Spread = here,
 ) -> tuple[Survey, Stored, Message | str]:
     """Look at the whole program and keep what was found: survey, check, and a warning or "".
@@ -338,7 +330,7 @@ def looked_at(
     asked: Task,
     tell: Callable[[BlockUse], None] = lambda _: None,
     progress: Callable[[int], None] = lambda _: None,
-    watch: Callable[[Iterable[Chain | Pause]], Iterable[Chain | Pause]] = lambda items: items,
+    watch: Callable[[Iterable[PathItem]], Iterable[PathItem]] = lambda items: items,
     spread: Spread = here,
 ) -> tuple[Survey, Stored]:
     """The whole program: survey and check.

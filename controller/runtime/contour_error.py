@@ -17,19 +17,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.geometry.arrays import Array
+from controller.geometry.arrays import Array, Flags
 from controller.geometry.passing_place import LOOK_BACK_S, passing
 from controller.ipc.handoff import COLUMN, of_axes
 from controller.machine.kinematics import Kinematics, kinematics_of
 from controller.machine.model import Machine
-from controller.plan.restart.program_position import order_of
-from controller.plan.stretch import Stretch
+from controller.plan.segment import Segment
 from controller.plan.surfaces.cuts import tolerance_mm
 from controller.program.program import Block, Modal, ProgramError
 from controller.state.live_state import OFF_PATH
 from controller.verify.trace import forward
 
-Flags = NDArray[np.bool_]
 Whole = NDArray[np.int64]
 
 MAX_REPEATS = 2  # rows in which the position of a drive that moves was not heard: they show no error
@@ -61,18 +59,18 @@ def demand(modal: Modal, machine: Machine) -> Demand:
 class Demands:
     """Finds what is asked of a motion of a planned path: its program is read beside it, as far as needed."""
 
-    def __init__(self, blocks: Iterator[Block], stretches: Mapping[int, Stretch], machine: Machine) -> None:
-        """``stretches``: by motion id, which may come later."""
-        self._blocks, self._stretches, self._machine = blocks, stretches, machine
+    def __init__(self, blocks: Iterator[Block], segments: Mapping[int, Segment], machine: Machine) -> None:
+        """``segments``: by motion id, which may come later."""
+        self._blocks, self._segments, self._machine = blocks, segments, machine
         self._orders: list[int] = []
         self._demands: list[Demand] = []
         self._read_to = -1  # ``Place.order``
 
     def __call__(self, motion_id: int, s: float) -> Demand | None:
-        stretch = self._stretches.get(motion_id)
-        if stretch is None or stretch.feed_mm_s is None:
+        segment = self._segments.get(motion_id)
+        if segment is None or segment.feed_mm_s is None:
             return None
-        order = order_of(stretch, s)
+        order = segment.order_at(s)
         self._read(order)
         found = bisect_right(self._orders, order)
         return self._demands[max(0, found - 1)] if self._demands else None

@@ -23,7 +23,6 @@ from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from controller.geometry.vectors import Vector
 from controller.machine.model import Tool, WorkTable
@@ -31,7 +30,7 @@ from controller.machine.tool_profile import Body, whole
 from controller.messages import Key, Message, message, text
 from controller.plan.report.stored import Overcut
 from controller.plan.report.verdict import Verdict
-from controller.plan.stretch import motion_named
+from controller.plan.segment import motion_named
 from controller.plan.surfaces.leads import LEADS
 from controller.verify import forms
 from controller.verify.looks import MIN_MM, NOT_CUT, Hurt, SurfaceGrid, blunts_of
@@ -39,8 +38,6 @@ from controller.verify.nominal import Nominal
 from controller.verify.passes import extent_mm, height_mm
 from controller.verify.sweep import Pass, Sweep
 from controller.workers import Spread, here
-
-Array = NDArray[np.float64]
 
 KINDS = ("hollow", "overcut", "own cut", "other motion", *NOT_CUT, "table")
 END = "end"  # told, and no gouge

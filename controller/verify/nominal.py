@@ -8,14 +8,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.geometry.arrays import columns
+from controller.geometry.arrays import Array, columns
 from controller.geometry.placement import Strategy
 from controller.geometry.surfaces import Surface
 from controller.geometry.vectors import Frame, Vector
 from controller.machine.model import Tool
 from controller.memory import remembered
 
-Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 ALONG, ACROSS = 257, 9  # of the table of lengths and of the bounds
@@ -31,7 +30,7 @@ class Nominal:
     side: float  # +1: the cutter is on Eq. 5's side (right of the travel), -1: on the left
     tool: Tool
     line: int  # of the program
-    motion: int = -1  # which stretch of the path cuts it
+    motion: int = -1  # which segment of the path cuts it
     allowance_mm: float = 0.0  # what is to stay on it
     tolerance_mm: float | None = None  # of its form; None: none is asked for
     joint_tolerance_mm: float = 0.0  # what a neighbour may take off it, where they meet in a corner

@@ -15,9 +15,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.geometry.arrays import distinct
+from controller.geometry.arrays import Array, distinct
 
-Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 Poses = Callable[[Array], tuple[Array, Array]]  # places s (N,) -> tips (N, 3), unit axes (N, 3)
 
@@ -37,7 +36,7 @@ class Pass:
     axes: Array
     line: int  # of the program
     name: str  # 'cut', 'lead in', 'line', ...
-    motion: int = -1  # which stretch of the path
+    motion: int = -1  # which segment of the path
     feeding: bool = True
     lines: tuple[int, ...] = ()  # of the program, where one motion is of many ...
     lines_s: tuple[float, ...] = ()  # ... and where each begins

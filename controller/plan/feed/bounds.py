@@ -1,6 +1,6 @@
 """The limits of a course as forms of a spline's coefficients: what the search must keep.
 
-Knots are exactly where the course changes its manners, so every interval lies in one stretch and
+Knots are exactly where the course changes its manners, so every interval lies in one segment and
 is judged by the derivatives of its own side. From and to rest, between the last knot and
 the standstill, the law is one of constant jerk: there z goes with s^(4/3), so at
 the knot z' = 4/3 z / s, which ties the spline's outermost coefficient to its neighbour.
@@ -11,9 +11,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
-from controller.geometry.arrays import within
+from controller.geometry.arrays import Array, within
 from controller.plan.feed import tool_limits
 from controller.plan.feed.barrier import PRICE, SOFT, Form, Limits
 from controller.plan.feed.course import FeedCourse, Index
@@ -21,8 +20,6 @@ from controller.plan.feed.mesh import Parts
 from controller.plan.feed.tool_limits import ToolRates
 from controller.plan.junctions import JUMP_SHARE, MARGIN, SPREAD
 from controller.plan.surfaces.rates import Derivatives
-
-Array = npt.NDArray[np.float64]
 
 INNER = (0.25, 0.5, 0.75)  # shares of an interval where a law is checked besides its ends
 GAUSS = (0.5 - 0.5 / 3.0**0.5, 0.5 + 0.5 / 3.0**0.5)  # shares of an interval at which time is weighed
@@ -79,7 +76,7 @@ class Grid:
 
     @property
     def index(self) -> Index:
-        """Stretch of each interval."""
+        """Segment of each interval."""
         return self.parts.index[self.part]
 
     @property

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from controller.geometry import arc_length
+from controller.geometry.arrays import Array
 from controller.geometry.curves import Arc, Even
 from controller.geometry.vectors import ROUNDING
 from controller.motion.motions import JointMove, SurfaceCut, ToolLine
@@ -22,13 +23,11 @@ from controller.plan.feed import tool_limits
 from controller.plan.feed.course import FeedCourse, Index
 from controller.plan.feed.limits import JointLimits, ramp_length
 from controller.plan.rotaries.branch import beside_pole
-from controller.plan.stretch import Stretch
+from controller.plan.segment import Segment
 from controller.plan.surfaces.rates import Derivatives
 
-Array = npt.NDArray[np.float64]
-
 SPACING = 0.1  # of samples on anything but lines and arcs, mm
-SAMPLES = (60, 4000)  # on one stretch, at least and at most
+SAMPLES = (60, 4000)  # on one segment, at least and at most
 NEAR_ENDS = 24  # samples on a ramp
 SHORT_MM = 0.25  # lines no longer than this have ...
 SHORT_SAMPLES, SHORT_NEAR_ENDS = 4, 2  # ... so many samples, and on a ramp so many
@@ -62,7 +61,7 @@ class Samples:
 
 @dataclass(frozen=True, slots=True)
 class Parts:
-    """A course between ``ends`` (n + 1,), cut at its marks; part i lies in stretch ``index[i]``."""
+    """A course between ``ends`` (n + 1,), cut at its marks; part i lies in segment ``index[i]``."""
 
     course: FeedCourse
     ends: Array
@@ -103,12 +102,12 @@ def _even(parts: Parts) -> tuple[Array, Index]:
     """Places evenly in every part, and the part of each; they gather where an axis passes by the pole."""
     course, (low, high) = parts.course, (parts.ends[:-1], parts.ends[1:])
     rows = zip(parts.index.tolist(), low.tolist(), high.tolist(), strict=True)
-    counts = np.array([_spaces(course.stretches[k], b - a) for k, a, b in rows])
+    counts = np.array([_spaces(course.segments[k], b - a) for k, a, b in rows])
     part, ends = np.repeat(np.arange(len(counts)), counts + 1), np.cumsum(counts + 1)
     s = (np.arange(len(part)) - (ends - counts - 1)[part]) * ((high - low) / counts)[part] + low[part]
     s[ends - 1] = high
     for k, n in enumerate(parts.index.tolist()):
-        motion = course.stretches[n].motion
+        motion = course.segments[n].motion
         if isinstance(motion, SurfaceCut) and motion.beside_pole:
             near = float(course.zeros[n]) + arc_length.s_at(motion.arc, beside_pole(motion))
             more = np.setdiff1d(near[(near > low[k]) & (near < high[k])], s[part == k])
@@ -117,20 +116,20 @@ def _even(parts: Parts) -> tuple[Array, Index]:
     return s, part
 
 
-def _spaces(stretch: Stretch, length: float) -> int:
+def _spaces(segment: Segment, length: float) -> int:
     """Between the places on so long a part of it."""
-    motion = stretch.motion
+    motion = segment.motion
     if isinstance(motion, JointMove) and not isinstance(motion.curve, Even):
         turn = motion.curve.sweep_rad if isinstance(motion.curve, Arc) else 0.0
         return 5 + math.ceil(16.0 * abs(turn) * length / motion.end)
-    if _is_short(stretch):
+    if _is_short(segment):
         return SHORT_SAMPLES
     return 2 + int(min(max(length / SPACING, SAMPLES[0] * (length / motion.end)), SAMPLES[1]))
 
 
-def _is_short(stretch: Stretch) -> bool:
+def _is_short(segment: Segment) -> bool:
     """Whether it is one of the many lines of a row: its ends say nearly all of it."""
-    return isinstance(stretch.motion, ToolLine) and stretch.motion.end <= SHORT_MM
+    return isinstance(segment.motion, ToolLine) and segment.motion.end <= SHORT_MM
 
 
 def _sampled(parts: Parts, s: Array, part: Index) -> Samples:
@@ -166,7 +165,7 @@ def _columns(found: Samples) -> tuple[Array, Index, Array, Array, Array, Array]:
 def _near_ends(parts: Parts, found: Samples) -> Samples:
     """Samples that gather as t^3 at both ends of every part, where a law may begin or end at rest."""
     cubes, few = ((np.arange(1, n + 1) / n) ** 3 for n in (NEAR_ENDS, SHORT_NEAR_ENDS))
-    short = [_is_short(parts.course.stretches[k]) for k in parts.index.tolist()]
+    short = [_is_short(parts.course.segments[k]) for k in parts.index.tolist()]
     places, part = [], []
     firsts = np.searchsorted(found.part, np.arange(len(parts.index) + 1))
     outer = np.append(np.append(True, np.diff(parts.index) != 0), True)
@@ -287,17 +286,26 @@ def times(s: Array, v: Array) -> Array:
     return np.concatenate([[0.0], np.cumsum(np.where(step > 0.0, t, 0.0))])
 
 
-def knots(found: Samples, v: Array, step_s: float) -> tuple[Array, Index]:
+def knots(found: Samples, v: Array, step_s: float, most: int, widest: float) -> tuple[Array, Index]:
     """Knots (n + 1,) from the first sample to the last, and the part of each interval (n,).
 
-    ``v`` is the speed expected at the samples, ``step_s`` the time between knots where
-    something happens. At rests the first interval takes ``FROM_REST`` of these times.
+    ``v`` is the speed expected at the samples, ``step_s`` the time between knots where something happens.
+    At rests the first interval takes ``FROM_REST`` of these times. Were there more than ``most`` knots, the
+    times are longer, up to ``widest`` times: marks are knots, too, and where these are most, little is won.
     """
-    count = _count(found, v, step_s)
     ends = np.append(np.flatnonzero(np.diff(found.part)), len(found.s) - 1)
     firsts = np.append(0, ends[:-1])
-    wanted = np.add.reduceat(count, firsts)
-    per_part = np.maximum(1, np.ceil(wanted - 0.2)).astype(np.intp)
+
+    def wanted(step_s: float) -> tuple[Array, Index, int, int]:
+        """Intervals between samples, those of each part, and how many go into the first and the last."""
+        count = _count(found, v, step_s)
+        n = np.maximum(1, np.ceil(np.add.reduceat(count, firsts) - 0.2)).astype(np.intp)
+        begin = _joined_at_rest(int(n[0])) if v[0] == 0.0 else 0
+        return count, n, begin, _joined_at_rest(int(n[-1]) - (begin if len(n) == 1 else 0))
+
+    count, per_part, begin, end = wanted(step_s)
+    if (many := 1 + int(per_part.sum()) - begin - end) > most:
+        count, per_part, begin, end = wanted(step_s * min(many / most, widest))
     places, upto = [found.s[:1]], 0
     for k in np.flatnonzero(per_part > 1).tolist():  # most parts of rows of many short ones have one interval
         first, last, n = firsts[k], ends[k], per_part[k]
@@ -308,17 +316,13 @@ def knots(found: Samples, v: Array, step_s: float) -> tuple[Array, Index]:
         upto = k
     places.append(found.s[ends[upto:]])
     s, parts = np.concatenate(places), np.repeat(found.part[ends], per_part)
-    if v[0] == 0.0:
-        more = _joined_at_rest(parts)
-        s, parts = np.delete(s, np.arange(1, more + 1)), parts[more:]
-    more = _joined_at_rest(parts[::-1])
-    s, parts = np.delete(s, np.arange(len(s) - 1 - more, len(s) - 1)), parts[: len(parts) - more]
-    return s, parts
+    away = np.append(np.arange(1, begin + 1), np.arange(len(s) - 1 - end, len(s) - 1))
+    return np.delete(s, away), parts[begin : len(parts) - end]
 
 
-def _joined_at_rest(parts: Index) -> int:
-    """How many of the first intervals go into the one after them."""
-    return int(np.clip(np.count_nonzero(parts == parts[0]) - 3, 0, FROM_REST - 1))
+def _joined_at_rest(count: int) -> int:
+    """How many of the first ``count`` intervals, of one part, go into the one after them."""
+    return min(max(count - 3, 0), FROM_REST - 1)
 
 
 def _count(found: Samples, v: Array, step_s: float) -> Array:

@@ -20,14 +20,13 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from controller.geometry.arrays import columns
+from controller.geometry.arrays import Array, columns
 from controller.geometry.vectors import ROUNDING
 from controller.motion.motions import ROW, ToolSpline
 from controller.plan.feed.course import FeedCourse
 from controller.plan.feed.limits import JointLimits
 from controller.plan.junctions import MARGIN
 
-Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
 
 # Shares of velocity, acceleration and jerk that the corners may take at an even speed; the law has the rest.
@@ -46,7 +45,7 @@ PER_CELL = 8  # places that are told as one
 
 def is_row(course: FeedCourse) -> bool:
     """Whether a course is made of exact rows alone."""
-    return all(one.is_exact_row for one in course.stretches)
+    return all(one.is_exact_row for one in course.segments)
 
 
 def of(course: FeedCourse, first: float, last: float, v: float = 0.0) -> Ticked:
@@ -66,7 +65,7 @@ class Ticked:
         self.course, self.first, self.last, self._v = course, first, last, v
         self.limits = JointLimits.of(course.machine, MARGIN)
         self._period_s = course.machine.period_s
-        motions = [one.motion for one in course.stretches if isinstance(one.motion, ToolSpline)]
+        motions = [one.motion for one in course.segments if isinstance(one.motion, ToolSpline)]
         self._length_mm = motions[0].length_mm
         starts = zip(course.zeros, motions, strict=False)
         knots = np.concatenate([start + np.frombuffer(one.knots)[:-1] for start, one in starts])

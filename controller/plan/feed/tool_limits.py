@@ -16,18 +16,15 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from controller.geometry import series as jets
-from controller.geometry.arrays import distinct
+from controller.geometry.arrays import Array, distinct
 from controller.geometry.curves import Line
 from controller.machine.model import Machine
 from controller.motion.motions import JointMove, Motion
 from controller.plan.feed.course import FeedCourse, Index
 from controller.plan.rotaries.branch import joints_along
 from controller.plan.surfaces.rates import Derivatives, derivatives
-
-Array = npt.NDArray[np.float64]
 
 DIRECTIONS = 12  # of half the polygon's sides; the other half are their opposites
 INSIDE = math.cos(math.pi / (2 * DIRECTIONS))  # of the circle that the polygon's corners touch
@@ -51,19 +48,19 @@ def has_limits(machine: Machine) -> bool:
 
 
 def rates(course: FeedCourse, s: Array, index: Index) -> ToolRates:
-    """What the tool does at the places ``s`` (N,) of the stretches ``index``; nothing on rapids."""
+    """What the tool does at the places ``s`` (N,) of the segments ``index``; nothing on rapids."""
     found = ToolRates(*(np.zeros(len(s)) for _ in range(4)))
-    length = max((getattr(x.motion, "length_mm", 0.0) for x in course.stretches), default=0.0)
+    length = max((getattr(x.motion, "length_mm", 0.0) for x in course.segments), default=0.0)
     for k in distinct(index):
-        stretch, here = course.stretches[k], index == k
-        if stretch.feed_mm_s is None:
+        segment, here = course.segments[k], index == k
+        if segment.feed_mm_s is None:
             continue
-        if goes_straight(stretch.motion):
+        if goes_straight(segment.motion):
             found.along[here] = 1.0
             continue
-        local = np.clip(s[here] - course.zeros[k], 0.0, stretch.motion.end)
-        q = joints_along(stretch, local, course.kinematics)
-        one = _of_joints(q, derivatives(stretch, local, course.kinematics), course, length)
+        local = np.clip(s[here] - course.zeros[k], 0.0, segment.motion.end)
+        q = joints_along(segment, local, course.kinematics)
+        one = _of_joints(q, derivatives(segment, local, course.kinematics), course, length)
         for name in ("along", "bend_along", "bend_across", "turn"):
             getattr(found, name)[here] = getattr(one, name)
     return found

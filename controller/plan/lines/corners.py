@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from controller.geometry.arrays import Array
 from controller.geometry.curves import Arc
 from controller.geometry.vectors import Vector, norm
 from controller.machine.kinematics import Kinematics
@@ -19,10 +20,9 @@ from controller.motion.motions import JointMove
 from controller.plan.lines import lines, moves
 from controller.plan.lines.lines import Stand
 from controller.plan.rotaries.tool_axes import AxisLost, GreatCircles, follow
-from controller.plan.stretch import Diagnostics, joints_of, rotaries_of, xyz_of
+from controller.plan.segment import Diagnostics, joints_of, rotaries_of, xyz_of
 from controller.program.program import JointArc, JointLine, Modal, Tip, TipLine
 
-Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
 Row = tuple[float, ...]  # X Y Z and both rotaries
 Feed = TipLine | JointLine | JointArc

@@ -13,21 +13,18 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-import numpy.typing as npt
 
-from controller.geometry.arrays import columns
+from controller.geometry.arrays import Array, columns
 from controller.geometry.placement import Placed, Strategy
 from controller.geometry.surfaces import Surface
 from controller.machine.kinematics import Kinematics, kinematics_of
 from controller.machine.model import Machine
 from controller.plan.rotaries.branch import joints_along
-from controller.plan.stretch import Diagnostics, Stretch
+from controller.plan.segment import Diagnostics, Segment
 from controller.plan.surfaces import approach, blending, cuts, leads, placements, train
 from controller.plan.surfaces.cuts import Cut, Parts
-from controller.plan.surfaces.placing import CHOSEN_FROM, Grid, as_the_paper, base_of
+from controller.plan.surfaces.placing import CHOSEN_FROM, Grid, as_the_paper
 from controller.program.program import CutBlock, ProgramError
-
-Array = npt.NDArray[np.float64]
 
 MIDDLE = 0.1  # of u: so far from the ends of a block nothing but its cuts counts
 BESIDE = np.linspace(0.0, 1.0, 129)[1:] ** 2  # of a lead, closer where it joins the cut
@@ -48,7 +45,7 @@ def _least_off(parts: Parts, machine: Machine, name: str) -> tuple[Surface, ...]
     ways = [row.placed(kind) for kind in CHOSEN_FROM]
     if all(way == ways[0] for way in ways):
         return ways[0]
-    grids = [[Grid.of(as_the_paper(base_of(one), row.cutter)) for one in way] for way in ways]
+    grids = [[Grid.of(as_the_paper(one.nominal, row.cutter)) for one in way] for way in ways]
     cut = [parts.cuts(way, machine) for way in ways]
     least = [_middle(*each) for each in zip(cut, grids, strict=True)]
     best, found = 0, np.inf
@@ -117,15 +114,15 @@ def _beside(
     """Tips and axes (N, 3), part frame, of all but the cuts of a train: the turns between them, the leads."""
     legs = train.choose(members, machine, kinematics, (0.0, 0.0), voice)
     for before, after, meeting in zip(legs[:-1], legs[1:], meetings, strict=True):
-        for stretch in approach.between(before, after, meeting, kinematics):
-            yield _poses(stretch, TURNED, before.cut, kinematics)
+        for segment in approach.between(before, after, meeting, kinematics):
+            yield _poses(segment, TURNED, before.cut, kinematics)
     warned = replace(machine, gouge="warn")
     for at_start, share, cut in ((True, 1.0 - BESIDE, members[0]), (False, BESIDE, members[-1])):
-        for stretch in leads.lay(legs, at_start, warned, kinematics, voice).stretches:
-            yield _poses(stretch, share, cut, kinematics)
+        for segment in leads.lay(legs, at_start, warned, kinematics, voice).segments:
+            yield _poses(segment, share, cut, kinematics)
 
 
-def _poses(stretch: Stretch, share: Array, cut: Cut, kinematics: Kinematics) -> tuple[Array, Array]:
-    joints = joints_along(stretch, np.sort(share) * stretch.motion.end, kinematics)
+def _poses(segment: Segment, share: Array, cut: Cut, kinematics: Kinematics) -> tuple[Array, Array]:
+    joints = joints_along(segment, np.sort(share) * segment.motion.end, kinematics)
     pose, part = kinematics.forward([*joints.T], cut.motion.length_mm, np), cut.motion.part
     return columns(part.from_parent(pose.tip), len(joints)), columns(part.turn_back(pose.axis), len(joints))

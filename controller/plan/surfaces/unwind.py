@@ -13,19 +13,17 @@ from collections.abc import Iterator, Sequence
 from typing import NoReturn
 
 import numpy as np
-import numpy.typing as npt
 
+from controller.geometry.arrays import Array
 from controller.geometry.vectors import ROUNDING
 from controller.machine.model import Axis, Machine
 from controller.messages import Message, message
 from controller.motion.motions import Rotaries
 from controller.plan.rotaries.turns import TURN
 from controller.plan.rotaries.winding import RankKey, Way
-from controller.plan.stretch import Diagnostics
+from controller.plan.segment import Diagnostics
 from controller.plan.surfaces import audit
 from controller.plan.surfaces.legs import CutSegment, Option
-
-Array = npt.NDArray[np.float64]
 
 
 def refuse(options: Sequence[Option], machine: Machine, now: Rotaries, voice: Diagnostics) -> NoReturn:

@@ -14,8 +14,8 @@ from controller.ipc.handoff import Law, Piece, PieceMessage, Snapshot
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
 from controller.messages import message
-from controller.plan.path.path import Chain, Pause
 from controller.plan.planner import AHEAD_S, Planner
+from controller.plan.segment import ContinuousPath, PathItem
 from controller.program.program import ProgramError
 from controller.state.modes import Fault, Mode
 
@@ -336,17 +336,15 @@ def test_with_single_block_each_block_ends_at_rest_with_its_mark() -> None:
 
 def test_the_path_is_read_only_as_far_as_it_is_needed_and_forgotten_behind() -> None:
     desk = Desk("G1 F600. X10.\nM30\n")
-    chain = next(item for item in desk.items if isinstance(item, Chain))
+    chain = next(item for item in desk.items if isinstance(item, ContinuousPath))
     read = 0
 
-    def endless() -> Iterator[Chain | Pause]:
+    def endless() -> Iterator[PathItem]:
         nonlocal read
-        back = traced_programs.trace(
-            "G1 F600. X10.\nX0.\nM30\n", desk.machine, chain.stretches[0].start
-        ).items
+        back = traced_programs.trace("G1 F600. X10.\nX0.\nM30\n", desk.machine, chain.segments[0].start).items
         while read < 10_000:
             read += 1
-            yield from (item for item in back if isinstance(item, Chain))
+            yield from (item for item in back if isinstance(item, ContinuousPath))
 
     desk.planner.load(endless(), BEGIN_S)
     desk.fill()
@@ -355,13 +353,13 @@ def test_the_path_is_read_only_as_far_as_it_is_needed_and_forgotten_behind() -> 
         desk.at(desk.now.plan_time_s + 0.5)
         desk.fill()
     assert 5 < read < 60
-    assert len(desk.planner._track._kept) < 20 and len(desk.planner.stretches) == 0
+    assert len(desk.planner._track._kept) < 20 and len(desk.planner.segments) == 0
 
 
 def test_a_program_refused_on_the_way_ends_at_rest_and_says_why() -> None:
     desk = Desk(MOVES)
 
-    def refused(items: Iterable[Chain | Pause]) -> Iterator[Chain | Pause]:
+    def refused(items: Iterable[PathItem]) -> Iterator[PathItem]:
         yield from list(items)[:2]
         raise ProgramError("part.ngc", 9, 1, message("path.nothing"))
 

@@ -76,7 +76,7 @@ def placed() -> Machine:
     """Two twisted surfaces that are cut along a free axis, one after another."""
     machine = shipped(period_s=PERIOD_S)
     done = cut(random_surfaces.text(random_surfaces.compound(21, 2), 2000.0, "G42 P3 R0.5"), machine)
-    assert sum(one.motion.surface.through is not None for one in done.stretches.values() if one.cutting) == 2
+    assert sum(one.motion.surface.through is not None for one in done.segments.values() if one.cutting) == 2
     return machine
 
 

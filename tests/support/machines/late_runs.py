@@ -23,7 +23,7 @@ from support.oracles import latched_setpoints
 from controller.ipc.handoff import COLUMN, of_axes
 from controller.machine.compensation import reversal
 from controller.machine.kinematics import Kinematics
-from controller.machine.model import Machine
+from controller.machine.model import Limits, Machine
 from controller.runtime import checked
 from controller.runtime.events import Event
 from controller.runtime.stepped import Run
@@ -155,7 +155,8 @@ class Watched(Forkable):
 class Healthy:
     """A machine and a program, in time."""
 
-    def __init__(self, machine: Machine, text: str, **how: Any) -> None:
+    def __init__(self, machine: Machine, text: str, limits: Sequence[Limits] = (), **how: Any) -> None:
+        """``limits``: what is judged by, where the axes' tables leave the plan less."""
         self.machine, self.text, self.how = machine, text, how
         self.stepped = self.up()
         self.first = self.stepped.cycle.tick
@@ -163,7 +164,7 @@ class Healthy:
         self.played = self.stepped.played
         self.ticks = len(self.run.rows)
         units = [1.0 / axis.counts_per_unit for axis in machine.axes]
-        limits, T = [axis.limits for axis in machine.axes], machine.period_s
+        limits, T = limits or [axis.limits for axis in machine.axes], machine.period_s
         self.units = np.array(units)
         self.most = (
             np.array([one.velocity for one in limits]) * T,
@@ -203,7 +204,7 @@ class Healthy:
 
     @cached_property
     def line(self) -> tuple[Array, cKDTree]:
-        """The tool's way along the stretches of its path, four points a tick."""
+        """The tool's way along the segments of its path, four points a tick."""
         line = moving(self.tools(np.array(list(self._places()))), SAME_MM)
         return line, cKDTree(line)
 
@@ -211,15 +212,15 @@ class Healthy:
         """Joints along the path."""
         joints = self.run.rows[:, of_axes("joint_command", len(self.machine.axes))].tolist()
         ids, places = (self.run.rows[:, COLUMN[name]].tolist() for name in ("motion_id", "s"))
-        stretches, near = self.stepped.planner.stretches, self.kinematics.rotaries
+        segments, near = self.stepped.planner.segments, self.kinematics.rotaries
         for i, row in enumerate(joints[:-1]):
             yield row
             if row == joints[i + 1]:
                 continue
             old, new = int(ids[i]), int(ids[i + 1])
             for number in range(old, new + 1) if 0 <= old <= new else ():
-                if number in stretches:
-                    motion = stretches[number].motion
+                if number in segments:
+                    motion = segments[number].motion
                     begin = places[i] if number == old else 0.0
                     end = places[i + 1] if number == new else motion.end
                     for s in np.linspace(begin, end, 5):

@@ -1,6 +1,6 @@
-"""What ``path.trace`` returns: chains of stretches, pauses between them, and notes.
+"""What ``path.trace`` returns: chains of segments, pauses between them, and notes.
 
-A stretch is one motion with its feed. A chain runs through without a planned stop
+A segment is one motion with its feed. A chain runs through without a planned stop
 and begins and ends at rest; everything else that a program asks for happens at
 rest, in a pause.
 """
@@ -8,19 +8,19 @@ rest, in a pause.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple, NoReturn
+from typing import ClassVar, NamedTuple, NoReturn
 
 import numpy as np
-import numpy.typing as npt
 
+from controller.geometry.arrays import Array
 from controller.geometry.curves import Arc, Line
 from controller.geometry.vectors import ROUNDING, Number, Vector, norm, subtract
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints
 from controller.messages import DEFAULT, LANGUAGES, Key, Message, text
-from controller.motion.motions import JointMove, Motion, Rotaries, ToolLine, ToolSpline
+from controller.motion.motions import JointMove, Motion, Rotaries, SurfaceCut, ToolLine, ToolSpline
 from controller.program.program import (
     ENABLED,
     UNSAID,
@@ -34,8 +34,6 @@ from controller.program.program import (
     Place,
     Probing,
 )
-
-Array = npt.NDArray[np.float64]
 
 STANDS_MM = 1e-6  # X Y Z, or a tip, that moves less stands: s is then the turn in degrees
 
@@ -57,7 +55,7 @@ def tip_rate(motion: Motion, s: Array) -> Array:
 
 
 @dataclass(frozen=True, slots=True)
-class Stretch:
+class Segment:
     """One motion of a block, with its feed and the joints at both ends."""
 
     motion: Motion
@@ -84,6 +82,44 @@ class Stretch:
     hole: str = ""  # as ``JointLine.hole``
     share: tuple[float, float] = (0.0, 1.0)  # of its block, in the block's u, that a surface cut is
 
+    @property
+    def spline(self) -> ToolSpline | None:
+        """Its motion where that may be many lines of the program; None: it is of one."""
+        return self.motion if isinstance(self.motion, ToolSpline) else None
+
+    @property
+    def is_straight(self) -> bool:
+        """Whether X Y Z go straight on, or stand, while the rotaries turn evenly."""
+        return isinstance(self.motion, JointMove) and isinstance(self.motion.curve, Line)
+
+    @property
+    def cut(self) -> SurfaceCut | None:
+        """Its motion where the cutter follows a surface."""
+        return self.motion if self.cutting and isinstance(self.motion, SurfaceCut) else None
+
+    @property
+    def lines(self) -> Sequence[int]:
+        """The lines of the program that it is of, in order of their s."""
+        return (self.place.line,) if self.spline is None else self.spline.lines
+
+    @property
+    def lines_s(self) -> Sequence[float]:
+        """Where each of them begins."""
+        return (0.0,) if self.spline is None else self.spline.lines_s
+
+    @property
+    def line_orders(self) -> Sequence[int]:
+        """``Place.order`` of each."""
+        return (self.place.order,) if self.spline is None else self.orders or self.spline.lines
+
+    def line_at(self, s: float) -> int:
+        """The line of the program at a place of it."""
+        return self.place.line if self.spline is None else self.spline.line_at(s)
+
+    def order_at(self, s: float) -> int:
+        """``Place.order`` of that line."""
+        return self.place.order if self.spline is None else self.line_orders[self.spline.index_at(s)]
+
     def block_u(self, u: Number) -> Number:
         """The parameter of the block's whole surface at that of the motion's own."""
         return self.share[0] + (self.share[1] - self.share[0]) * u
@@ -104,7 +140,7 @@ class Stretch:
     @property
     def even_feed(self) -> float | None:
         """The same speed anywhere on it; None: it changes."""
-        if isinstance(self.motion, ToolSpline) or self.feed_steps or self.turning:
+        if self.spline is not None or self.feed_steps or self.turning:
             return None
         if self.feed_mm_s is None or not isinstance(self.motion, ToolLine):
             return math.inf if self.feed_mm_s is None else self.feed_mm_s
@@ -134,19 +170,24 @@ class Stretch:
 
 
 @dataclass(frozen=True, slots=True)
-class Chain:
-    """Stretches run through without a planned stop; at rest before and after.
+class ContinuousPath:
+    """Segments run through without a planned stop; at rest before and after.
 
     ``runs_on``: the next chain goes on without a rest; so an endless row of program
     lines comes in parts. ``from_s`` and ``first_id``: a restart begins inside of its first
-    stretch, which keeps the number it has in the whole program.
+    segment, which keeps the number it has in the whole program.
     """
 
-    stretches: tuple[Stretch, ...]
+    segments: tuple[Segment, ...]
     runs_on: bool = False
-    from_s: float = 0.0  # in the unit of the first stretch's s; what lies before it is cut already
-    first_id: int | None = None  # motion id of the first stretch; None: counted on
+    from_s: float = 0.0  # in the unit of the first segment's s; what lies before it is cut already
+    first_id: int | None = None  # motion id of the first segment; None: counted on
     optional_stops: frozenset[int] = frozenset()  # orders of the blocks with whose ends it stops if M1 does
+
+    @property
+    def place(self) -> Place:
+        """Where it begins."""
+        return self.segments[0].place
 
 
 class Wait(NamedTuple):
@@ -173,6 +214,10 @@ class Pause:
     lifts: Lifts | None = None  # guards that do not count in a step of a tool changer, and after it
     turns: bool = False  # a stop at which the operator switches the spindle as the modal state has it
     wait: Wait = field(default=Wait(), repr=False, compare=False)
+    segments: ClassVar[tuple[Segment, ...]] = ()  # as a chain has them
+
+
+PathItem = ContinuousPath | Pause  # what a path is made of
 
 
 @dataclass(frozen=True, slots=True)
@@ -207,7 +252,7 @@ def motion_named(name: str) -> Key:
 class Path:
     """A whole program as motion; ``end`` are the joints where it leaves the machine."""
 
-    items: tuple[Chain | Pause, ...]
+    items: tuple[PathItem, ...]
     notes: tuple[Note, ...]
     end: Joints
 
@@ -250,7 +295,7 @@ def straight(
     feed_mm_s: float | None,
     kinematics: Kinematics,
     feed_deg_s: float | None = None,
-) -> Stretch | None:
+) -> Segment | None:
     """A line of joint space; None where nothing moves.
 
     s is in millimetres of X Y Z; where only rotaries move, in degrees, at ``feed_deg_s``
@@ -266,7 +311,7 @@ def straight(
     if length < ROUNDING:
         return None
     move = JointMove(Line(a, b), length, first, last)
-    return Stretch(move, place, feed, False, start, end, True, name)
+    return Segment(move, place, feed, False, start, end, True, name)
 
 
 def round_arc(
@@ -277,9 +322,9 @@ def round_arc(
     arc: Arc,
     feed_mm_s: float | None,
     kinematics: Kinematics,
-) -> Stretch:
+) -> Segment:
     """An arc or helix of X Y Z between two joint positions, rotaries turning evenly."""
     length = math.hypot(norm(arc.first) * arc.sweep_rad, norm(arc.rise))
     first, last = rotaries_of(start, kinematics), rotaries_of(end, kinematics)
     move = JointMove(arc, length, first, last)
-    return Stretch(move, place, feed_mm_s, False, start, end, True, name)
+    return Segment(move, place, feed_mm_s, False, start, end, True, name)
