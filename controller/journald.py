@@ -23,9 +23,17 @@ MAX_BYTES = 60_000  # of a value
 _FIELDS = "journal_fields"
 
 
+def has_stderr() -> bool:
+    """Whether stderr leads there; a terminal of a desktop hands the variable down, too."""
+    with contextlib.suppress(OSError):
+        facts = os.fstat(2)
+        return os.environ.get("JOURNAL_STREAM") == f"{facts.st_dev}:{facts.st_ino}"
+    return False
+
+
 def use(address: str = SOCKET) -> bool:
     """Have all logging go there; False where systemd has not started this process."""
-    if "JOURNAL_STREAM" not in os.environ:
+    if not has_stderr():
         return False
     logging.basicConfig(level=logging.INFO, handlers=[Journal(address)], force=True)
     return True
@@ -53,6 +61,12 @@ class Journal(logging.Handler):
         self.setFormatter(logging.Formatter("%(message)s"))
 
     def emit(self, record: logging.LogRecord) -> None:
+        try:
+            self._send(record)
+        except Exception:  # as of any handler: no line of a log ends what was logged
+            self.handleError(record)
+
+    def _send(self, record: logging.LogRecord) -> None:
         level = next(priority for least, priority in LEVELS if record.levelno >= least)
         found = {
             "MESSAGE": self.format(record),

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import fcntl
 import os
 import sqlite3
 import stat
 import struct
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 from urllib.parse import quote
 
 from controller import own_files
@@ -174,13 +175,38 @@ def _as_owner(at: int, path: Path) -> Iterator[None]:
 
 
 # How SQLite writes ahead (sqlite.org/fileformat2.html, "The Write-Ahead Log"): a header of 32 bytes, then
-# frames of 24 bytes and a page. Each frame has the header's salts, and sums over all that is before it.
+# frames of 24 bytes and a page. Each frame has the header's salts, and sums over all that is before it. What
+# is shared beside it (sqlite.org/walformat.html, "The WAL-Index Header") has the count of committed frames
+# and their salts, twice, and behind that how many of them are in the database already.
 _HEADER, _FRAME, _SUMS = 32, 24, struct.Struct(">II")
 _ORDERS = {0x377F0682: "<", 0x377F0683: ">"}  # magic number: of the bytes that are summed
+_INDEX, _COUNT, _SALTS = 48, struct.Struct("=I"), slice(32, 40)
+_LOCK, _IN_USE = struct.Struct("hhqqi"), (fcntl.F_WRLCK, os.SEEK_SET, 128, 1, 0)  # of who has it open
+_OPEN: list[BinaryIO] = []  # to close one would give up SQLite's locks of this process
+Ahead = tuple[int, bytes]
 
 
-def has_lost(sql: sqlite3.Connection, file: Path) -> bool:
-    """Whether a bad bit has cost what was written ahead of a database that was just opened.
+def ahead(file: Path) -> Ahead:
+    """How many frames have to be there, and their salts, before a process opens a database: by what one that
+    was killed has left beside it. After a power loss that is as old as the disk has it.
+
+    0 frames: all is in the database, somebody has it open, or nobody knows.
+    """
+    data, in_use = b"", False
+    with contextlib.suppress(OSError):
+        index = own_files.opened(file.with_name(f"{file.name}-shm"), os.O_RDONLY, shared=True)
+        _OPEN.append(index)
+        data = index.read(2 * _INDEX + _COUNT.size)
+        in_use = _LOCK.unpack(fcntl.fcntl(index, fcntl.F_GETLK, _LOCK.pack(*_IN_USE)))[0] != fcntl.F_UNLCK
+    if in_use or len(data) < 2 * _INDEX + _COUNT.size or data[:_INDEX] != data[_INDEX : 2 * _INDEX]:
+        return 0, b""
+    frames, done = (int(_COUNT.unpack_from(data, at)[0]) for at in (16, 2 * _INDEX))
+    return (frames if done < frames else 0), data[_SALTS]
+
+
+def has_lost(sql: sqlite3.Connection, file: Path, known: Ahead = (0, b"")) -> bool:
+    """Whether a bad bit or a cut has cost what was written ahead of a database that was just opened;
+    ``known``: what ``ahead`` found before.
 
     SQLite drops all from the first bad frame on and says nothing. What is left of the time before has other
     salts; what was never committed has the right sums. Raises OSError, sqlite3.Error.
@@ -188,27 +214,27 @@ def has_lost(sql: sqlite3.Connection, file: Path) -> bool:
     good = 0  # frames
     with contextlib.suppress(sqlite3.OperationalError):  # a full disk takes none of them; each is looked at
         good = int(sql.execute("PRAGMA wal_checkpoint(PASSIVE)").fetchone()[1])
-    if not _is_bad_after(max(0, good), file):
+    if not _is_bad_after(max(0, good), known, file):
         return False
     sql.execute("BEGIN IMMEDIATE")  # what another process was just writing is written now
     try:
-        return _is_bad_after(max(0, good), file)
+        return _is_bad_after(max(0, good), known, file)
     finally:
         sql.execute("ROLLBACK")
 
 
-def _is_bad_after(good: int, file: Path) -> bool:
-    """Whether frames are damaged that belong to the ``good`` ones before them. Raises OSError."""
-    try:
+def _is_bad_after(good: int, known: Ahead, file: Path) -> bool:
+    """Whether frames are damaged, or gone, that belong to the ``good`` ones before them. Raises OSError."""
+    data = b""
+    with contextlib.suppress(FileNotFoundError):
         data = own_files.read_bytes(file.with_name(f"{file.name}-wal"), shared=True)
-    except FileNotFoundError:
-        return False
-    if len(data) <= _HEADER:
-        return False
+    if len(data) < _HEADER:
+        return known[0] > 0
     order, size = _ORDERS.get(int.from_bytes(data[:4], "big"), ""), int.from_bytes(data[8:12], "big")
     salts, sums = data[16:24], _SUMS.unpack_from(data, 24)
     if not order or _summed(data[:24], (0, 0), order) != sums:
         return True
+    most = known[0] if known[1] == salts else 0
     length = _FRAME + size
     frames = [data[at : at + length] for at in range(_HEADER, len(data) - length + 1, length)]
     if good:
@@ -221,8 +247,8 @@ def _is_bad_after(good: int, file: Path) -> bool:
         if right and frame[8:16] == salts:
             sums = found
             continue
-        return right or any(one[8:16] == salts for one in frames[i:])
-    return False
+        return right or i < most or any(one[8:16] == salts for one in frames[i:])
+    return len(frames) < most
 
 
 def _summed(data: bytes, sums: tuple[int, ...], order: str) -> tuple[int, int]:

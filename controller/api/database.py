@@ -182,9 +182,10 @@ class Database:
             own = own_folder.make(folder)
             if not {own_folder.STORE, log_in_marker.FILE} & {*own_files.names(own)}:
                 log_in_marker.write(own, 0)
+            ahead = own_database.ahead(self.file)
             self._sql = own_database.opened(self.file)
             self._sql.row_factory = sqlite3.Row
-            self.lost = self._put_aside() if own_database.has_lost(self._sql, self.file) else None
+            self.lost = self._put_aside() if own_database.has_lost(self._sql, self.file, ahead) else None
             self._sql.execute("PRAGMA foreign_keys = ON")
             sealed_rows.seal(self._sql, anew=_migrate(self))
         except (OSError, sqlite3.Error) as error:

@@ -490,7 +490,7 @@ class DriveList(Told):
 
 class Terminals(Told):
     word: int | None = Field(
-        description="60FDh: bit 0 negative limit, 1 positive limit, 2 reference switch; null: not told."
+        description="60FDh: bit 0 negative limit, 1 positive limit, 2 reference switch; null: not reported."
     )
 
 

@@ -84,7 +84,7 @@ class SessionFacts(Told):
 
 
 class OpenSession(Told):
-    id: str = Field(description="What it is told by, to end it; nobody can use it.")
+    id: str = Field(description="Its name, to end it by; nobody can log in with it.")
     user: str
     began_s: float = Field(description="Seconds since 1970.")
     seen_s: float = Field(description="Its last request, likewise.")

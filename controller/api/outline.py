@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from controller.geometry.arrays import Array
 from controller.plan.report.picture import FEED, RAPID, SURFACE, Shape, points_of, thin
 
-Array = NDArray[np.float64]
 Places = NDArray[np.bool_]  # of each point: whether the way to it is meant
 
 EYE = (-0.9, -1.2, 0.9)  # from what is looked at: as the 3-D view begins

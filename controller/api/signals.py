@@ -16,12 +16,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from controller.geometry.arrays import Array
 from controller.ipc.handoff import of_axes, rows_of
 from controller.machine.model import Machine
 from controller.state.live_state import COLUMN, SIGNALS
 from controller.state.setpoints import SETPOINTS, Counts, commanded
-
-Array = NDArray[np.float64]
 
 BEFORE = 3  # rows that the highest difference needs ahead of the first one that is wanted
 MAX_DIGITS = 9

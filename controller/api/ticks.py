@@ -20,7 +20,8 @@ from controller import npz
 from controller.api import signals
 from controller.api.answers import Refusal
 from controller.api.service_client import ServiceClient
-from controller.api.signals import Array, Signals
+from controller.api.signals import Signals
+from controller.geometry.arrays import Array
 from controller.ipc import packed_rows
 from controller.ipc.handoff import COLUMN, ROW, rows_of
 from controller.machine import machine_file
@@ -31,7 +32,7 @@ from controller.state.setpoints import SETPOINTS
 from controller.store import set_up_store
 
 KEPT_S = 30.0
-AT_ONCE = 500  # rows of one answer of the service: 170 kB at worst
+AT_ONCE = 500  # rows of one answer of the service: 190 kB at worst
 FRESH_S = 0.02  # two who look at the same time ask once
 MAX_ROWS = 4_000_000  # of a run's record
 MAX_TURNS = 200  # questions in one look: the service writes rows faster than nobody can read

@@ -17,7 +17,7 @@ from controller.machine.model import Machine
 from controller.messages import Message, TextError, message
 
 FILE = "bring_up.json"
-FOLDER = "bring_up"  # of the state folder: the protocol that the page goes on with
+FOLDER = "bring_up"  # of the panel's folder: the protocol that the page goes on with
 REPORT = "bring_up.html"
 GOOD, BAD, SKIPPED = "good", "bad", "skipped"
 

@@ -8,12 +8,10 @@ from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq, minimize_scalar
 
+from controller.geometry.arrays import Array
 from controller.messages import TextError
-
-Array = NDArray[np.float64]
 
 ONE_PLACE_MM = 5e-4  # ends of arcs that are nearer along the way are one
 

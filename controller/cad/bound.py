@@ -13,13 +13,11 @@ from functools import partial
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq, minimize_scalar
 
 from controller.cad.arcs import Arc, Ruled, Scale, Trimmed, place
+from controller.geometry.arrays import Array
 from controller.messages import message
-
-Array = NDArray[np.float64]
 
 # Tangents of the angle between a bound and the way across the rulings.
 STEEPEST, STEEPEST_AT_MATERIAL = 6.0, 10.0

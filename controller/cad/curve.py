@@ -9,14 +9,13 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
+from controller.geometry.arrays import Array
 from controller.geometry.splines import ORDERS, BadSpline, BSpline, check
 from controller.geometry.vectors import Vector
 from controller.messages import TextError, message
 
-Array = NDArray[np.float64]
 Shape = Callable[[Array], Array]  # shares (N,) from 0 to 1 -> points (N, 3)
 
 SAME_WEIGHT = 1e-12

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from controller.cad.outline import Outline
+from controller.geometry.arrays import Array
 from controller.geometry.surfaces import Surface
 from controller.program.program import Block, CutCone, CutNurbs, CutRuled
 
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from controller.cad.kernel import Face
     from controller.cad.strip import Strip
 
-Array = NDArray[np.float64]
 
 ONTO_FACE = 240  # points of the written surface
 ONTO_WRITTEN = 2000  # points of the face

@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from OCP.Bnd import Bnd_Box
 from OCP.BRep import BRep_Tool
 from OCP.BRepAdaptor import BRepAdaptor_Curve, BRepAdaptor_Curve2d, BRepAdaptor_Surface
@@ -48,10 +47,10 @@ from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS
 
 from controller.cad.curve import Nurbs
+from controller.geometry.arrays import Array
 from controller.geometry.vectors import Frame
 from controller.messages import TextError, message
 
-Array = NDArray[np.float64]
 Box = tuple[float, float, float, float]  # u from, to, v from, to
 
 KINDS = {

@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
+
+from controller.geometry.arrays import Array
 
 if TYPE_CHECKING:
     from controller.cad.kernel import Box, Edge, Face
 
-Array = NDArray[np.float64]
 
 ON_SIDE_MM = 5e-4  # an edge this near to a side of the box is on it
 STRAIGHT_MM = 1e-6

@@ -16,7 +16,8 @@ from pathlib import Path
 
 import numpy as np
 
-from controller.cad.curve import Array, Nurbs
+from controller.cad.curve import Nurbs
+from controller.geometry.arrays import Array
 from controller.geometry.vectors import Vector, unit
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine

@@ -18,9 +18,10 @@ from scipy.interpolate import BSpline as Basis
 from scipy.interpolate import splprep
 from scipy.spatial import cKDTree
 
-from controller.cad.curve import Array, Nurbs, Shape, fit
+from controller.cad.curve import Nurbs, Shape, fit
 from controller.cad.path_rows import Row
 from controller.cad.strip import Strip
+from controller.geometry.arrays import Array
 from controller.geometry.defects import defect
 from controller.geometry.surfaces import Surface
 from controller.messages import Message, TextError, message

@@ -8,9 +8,9 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from controller.geometry.arrays import Array
+
 Colour = tuple[int, int, int]
 
 SIZE = 700.0  # of a view, in px

@@ -9,14 +9,15 @@ last of it is the controller's own affair (approach and departure of every block
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+import re
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from controller.cad import words
-from controller.cad.curve import Array, Nurbs
+from controller.cad.curve import Nurbs
 from controller.cad.strip import Strip
+from controller.geometry.arrays import Array
 from controller.machine.model import Machine, Tool
 from controller.machine.tool_profile import flank_mm
 from controller.messages import TextError, message
@@ -53,7 +54,7 @@ class Written:
 def write(notes: Sequence[str], strips: Sequence[Strip], tool: Tool, wanted: Wanted) -> Written:
     """The program that cuts ``strips``; ``notes`` stand above it as comments."""
     row = tuple(_joined(ordered(stacked([_faced(one, wanted.conventional) for one in strips]))))
-    body = ["%", *(words.comment(note) for note in notes)]
+    body = ["%", *(comment(note) for note in notes)]
     body += list(_numbered(_blocks(row, tool, wanted)))
     return Written("\n".join([*body, "%", ""]), row)
 
@@ -64,7 +65,7 @@ def _faced(one: Strip, right: bool) -> Strip:
 
 def _blocks(row: Sequence[Strip], tool: Tool, wanted: Wanted) -> Iterator[str]:
     yield "G21 G90 G17 G54 G61 G94"
-    yield f"T{tool.number} M6 {words.comment(tool.name)}"
+    yield f"T{tool.number} M6 {comment(tool.name)}"
     yield f"S{wanted.spindle_rev_min:.0f} M3"
     said = ""
     for one in row:
@@ -73,8 +74,8 @@ def _blocks(row: Sequence[Strip], tool: Tool, wanted: Wanted) -> Iterator[str]:
             yield side
             said = side
         for part in one.joined or (one,):
-            yield words.comment(f"face {part.face.number}: {part.face.kind}")
-        yield from words.lines(one, wanted.feed_mm_min)
+            yield comment(f"face {part.face.number}: {part.face.kind}")
+        yield from lines(one, wanted.feed_mm_min)
     yield from ("G40", "M5", "M30")
 
 
@@ -212,3 +213,62 @@ def _needed(strips: Sequence[Strip]) -> tuple[float, float]:
     """The tightest hollow and the longest ruling, mm."""
     tightest = min((one.concave_mm() for one in strips), default=math.inf)
     return tightest, max((one.size()[1] for one in strips), default=0.0)
+
+
+# ---- the words of a program ----------------------------------------------------------------
+
+
+MAX_COMMENT = 100
+
+
+def number(value: float, digits: int = 9) -> str:
+    """With a decimal point, since words without one count in 0.01 mm, and no digits that say nothing."""
+    text = f"{value:.{digits}f}".rstrip("0")
+    return "0." if text in ("-0.", "0.") else text
+
+
+def comment(text: str) -> str:
+    """In brackets; brackets inside, and what is not plain text, would end it."""
+    return f"({re.sub('[^ -~]', '?', text).translate(str.maketrans('()', '[]'))[:MAX_COMMENT]})"
+
+
+def code(strip: Strip) -> str:
+    """The code that says this strip."""
+    if strip.cone is not None:
+        return "G51"
+    return "G6.2" if strip.upper.cubic() is None or strip.lower.cubic() is None else "G52"
+
+
+def lines(strip: Strip, feed_mm_min: float) -> Iterator[str]:
+    """The block of one strip."""
+    feed = f"F{number(feed_mm_min, 3)}"
+    if strip.cone is not None:
+        one = strip.cone
+        words = zip("XYZIJKHRD", (*one.start, *one.centre, one.height_mm, one.upper_radius_mm), strict=False)
+        yield " ".join(
+            ["G51", *(letter + number(v) for letter, v in words), f"D{number(one.sweep_deg, 12)}", feed]
+        )
+        return
+    upper, lower = strip.upper.cubic(), strip.lower.cubic()
+    if upper is not None and lower is not None:
+        first, *others = (_place(point) for point in (*upper, *lower))
+        yield f"G52 {first} {feed}"
+        yield from others
+        return
+    yield f"G6.2 P{strip.upper.order} Q{strip.lower.order} {feed}"
+    yield from _curve(strip.upper)
+    yield from _curve(strip.lower)
+
+
+def _place(point: Array) -> str:
+    return " ".join(letter + number(float(value)) for letter, value in zip("XYZ", point, strict=True))
+
+
+def _curve(curve: Nurbs) -> Iterator[str]:
+    """K X Y Z (and R) of each point, then the last knots alone."""
+    knots = [number(float(knot), 15) for knot in curve.shares]
+    weights: Iterable[float] = (curve.weights / curve.weights.max()).tolist()
+    for knot, point, weight in zip(knots, curve.points, weights, strict=False):
+        ratio = f" R{number(weight, 15)}" if curve.is_rational else ""
+        yield f"K{knot} {_place(point)}{ratio}"
+    yield from (f"K{knot}" for knot in knots[len(curve.points) :])

@@ -15,15 +15,14 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from controller.cad.kernel import Failure, failures
 from controller.cad.strip import STANDS_MOSTLY, Strip
+from controller.geometry.arrays import Array
 
 if TYPE_CHECKING:
     from controller.cad.kernel import Face, Meeting
 
-Array = NDArray[np.float64]
 
 SMOOTH = math.cos(math.radians(2.0))  # normals of two faces at an edge that is none
 TURNS = math.cos(math.radians(15.0))  # a fillet turns by more

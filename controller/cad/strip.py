@@ -15,13 +15,13 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from controller.cad.arcs import Trimmed
 from controller.cad.bound import Bound
 from controller.cad.clip import Clip, clips
 from controller.cad.curve import NoFit, Nurbs, fit
 from controller.cad.outline import Outline, TurnedPlane
+from controller.geometry.arrays import Array
 from controller.geometry.defects import concave_radius, defect
 from controller.geometry.surfaces import RuledSurface
 from controller.geometry.vectors import Vector
@@ -31,7 +31,6 @@ from controller.plan.surfaces.cuts import describe
 if TYPE_CHECKING:
     from controller.cad.kernel import Face, Spline
 
-Array = NDArray[np.float64]
 
 EXACT_MM = 1e-6  # rulings straighter than this are straight
 KINK_SHARE, KINK_RAD = 1e-5, 2e-3  # a curve that turns by more over so little of it has a kink there

@@ -19,15 +19,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from controller.calibration import csv_table
 from controller.calibration.csv_table import number
 from controller.calibration.refusal import Refusal
+from controller.geometry.arrays import Array
 from controller.machine import compensation
 from controller.machine.model import Axis
-
-Array = NDArray[np.float64]
 
 COLUMNS = ("target", "sense", "measured")
 MAX_ROWS = 100_000

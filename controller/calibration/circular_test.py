@@ -21,8 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.calibration.refusal import Refusal
-
-Array = NDArray[np.float64]
+from controller.geometry.arrays import Array
 
 ROUND_MM = 2e-3
 MIN_TURN = 0.99 * 2.0 * math.pi

@@ -15,10 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.calibration.refusal import Refusal
-from controller.geometry.arrays import columns
+from controller.geometry.arrays import Array, columns
 from controller.geometry.surfaces import Surface
-
-Array = NDArray[np.float64]
 
 ALONG, ACROSS = 193, 13  # of the grid that the search for a foot begins on
 STEPS = 12  # of Newton

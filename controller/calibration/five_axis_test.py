@@ -15,10 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.calibration.refusal import Refusal
+from controller.geometry.arrays import Array
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine
-
-Array = NDArray[np.float64]
 
 STANDS_MM = 0.02  # the commanded tip on such a line moves by no more
 MIN_TURN_DEG = 5.0

@@ -20,12 +20,11 @@ from controller.calibration import DOFS
 from controller.calibration.features import Feature
 from controller.calibration.refusal import Refusal
 from controller.calibration.touch_table import Touches
+from controller.geometry.arrays import Array
 from controller.geometry.vectors import Frame
 from controller.machine.changes import turned_deg
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
-
-Array = NDArray[np.float64]
 
 ROUNDS, DONE_MM = 30, 1e-7
 BOUND = 4.0  # standard deviations

@@ -14,7 +14,7 @@ from controller.calibration.five_axis_test import Stand
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-COLOURS = ("#0072B2", "#D55E00", "#009E73")  # Okabe and Ito's, as in ``verify.plots``
+COLOURS = ("#0072B2", "#D55E00", "#009E73")  # Okabe and Ito's, as in ``verify.pictures``
 
 
 def _figure() -> Figure:

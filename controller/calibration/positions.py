@@ -12,16 +12,14 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from controller.calibration.refusal import Refusal
 from controller.calibration.rotary_fit import FIRST_SCATTER_MM, Model, PriorDeviations
 from controller.calibration.touch_table import Touches
+from controller.geometry.arrays import Array
 from controller.geometry.vectors import Vector, add, dot, norm, rotate, scale, unit
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
-
-Array = NDArray[np.float64]
 
 GOAL_MM, GOAL_RAD = 0.001, math.radians(0.0005)
 MAX_LEAN_RAD = math.radians(95.0)

@@ -25,11 +25,10 @@ from numpy.typing import NDArray
 
 from controller.calibration.refusal import Refusal
 from controller.calibration.touch_table import Touches, positions
+from controller.geometry.arrays import Array
 from controller.geometry.vectors import Number, Vector, X, Y, Z, add, cross, dot, norm, scale, unit
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Axis, Machine
-
-Array = NDArray[np.float64]
 
 BOUND = 4.0  # standard deviations
 DOUBT = 5.0  # times the scatter: no touch is that far off

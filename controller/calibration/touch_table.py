@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 from controller.calibration import csv_table
 from controller.calibration.csv_table import Line, number
 from controller.calibration.refusal import Refusal
+from controller.geometry.arrays import Array
 from controller.machine.model import Machine
 
-Array = NDArray[np.float64]
 MAX_TOUCHES = 100_000
 SAME_PLACE = 0.5  # mm or degrees between a fast touch and the slow one behind it
 MOVES = 0.02  # a component of the way below it is no motion of that axis

@@ -1,7 +1,7 @@
 """The process that conducts one step of a bring-up for the panel: lines of JSON, the first of them a job.
 
-    -> {"state": folder, "step": "scale.X", "part": [path, name] or null, "url": of the panel, "headers": of
-        who asks, "language": "en", "parent": process id}
+    -> {"state": folder, "protocol": folder, "step": "scale.X", "part": [path, name] or null, "url": of the
+        panel, "headers": of who asks, "language": "en", "parent": process id}
     <- {"number": 1, "question": "value", "confirm", "hand" or "watch", "text": {"key": ..., "values": ...}}
        the question null: what was watched for has come
     -> {"number": 1, "answer": a number, true or false; null: he leaves the step}
@@ -56,7 +56,7 @@ def conducted(job: dict[str, Any]) -> Message | None:
     machine = set_up_store.machine(Path(job["state"]))
     steps = declared.steps(machine)
     (step,) = [one for one in steps if one.name == job["step"]]
-    kept = Path(job["state"]) / protocols.FOLDER
+    kept = Path(job["protocol"])
     own_files.make_folder(kept)
     protocol = protocols.opened(kept, machine, simulated=False)
     with (

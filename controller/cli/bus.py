@@ -14,7 +14,7 @@ from controller.machine.model import Machine
 from controller.machine.toml_table import ConfigError
 from controller.runtime import drive_sheets
 from controller.runtime.bus_load import budgets, overload
-from controller.verify import bus_tables
+from controller.verify import bus_report
 from controller.verify.console import Refused, in_words, refusals, show
 from drives.load import timeline
 from drives.load.budget import BusBudget
@@ -49,7 +49,7 @@ def bus(
             _draw(found, made, plot)
         if not as_json:
             for one in found:
-                show.print(bus_tables.bus(one, made.max_bus_share))
+                show.print(bus_report.bus(one, made.max_bus_share))
         facts = _facts(found, made)
         over = overload(made)
         sentences = [in_words(one) for one in (*([over] if over else ()), *drive_sheets.refusal(made))]
@@ -73,6 +73,6 @@ def _facts(found: list[BusBudget], machine: Machine) -> dict[str, Any]:
 
 
 def _draw(found: list[BusBudget], machine: Machine, path: Path) -> None:
-    from controller.verify import bus_picture
+    from controller.verify import bus_report
 
-    bus_picture.draw(found, machine.max_bus_share, machine.name, path)
+    bus_report.picture(found, machine.max_bus_share, machine.name, path)

@@ -25,12 +25,12 @@ from controller.program import blocks
 from controller.verify.console import Refused, bar, refusals, say, spoken
 
 if TYPE_CHECKING:  # OpenCASCADE takes its time to load, and is an extra
-    from controller.cad.curve import Array
     from controller.cad.deviation import Deviation
     from controller.cad.kernel import Face, Part
     from controller.cad.program import Written
     from controller.cad.strip import How, Strip
     from controller.cli.cad_tables import Seen
+    from controller.geometry.arrays import Array
 
 Argument = Annotated[Path, typer.Argument()]
 ListOnly = Annotated[bool, typer.Option("--list")]

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from controller import messages
-from controller.cad import path_rows, path_strips, program, words
+from controller.cad import path_rows, path_strips, program
 from controller.cad.deviation import surfaces
 from controller.cad.path_rows import BadPath, Row
 from controller.cad.path_strips import Off, Recognised
@@ -126,7 +126,7 @@ def _facts(one: Recognised, strip: Strip | None, off: Off | None) -> dict[str, A
         return facts
     length, height = strip.size()
     return facts | {
-        "cut_as": words.code(strip),
+        "cut_as": program.code(strip),
         "length_mm": length,
         "height_mm": height,
         "twist_deg": math.degrees(strip.twist_rad()),

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from controller import messages
-from controller.cad import picture, words
+from controller.cad import picture, program
 from controller.machine.model import Machine, Tool
 from controller.messages import Message
 from controller.verify.console import say, show, spoken, tell
@@ -59,7 +59,7 @@ class Seen:
         first = self.strips[0]
         length, height = first.size()
         return facts | {
-            "cut_as": words.code(first),
+            "cut_as": program.code(first),
             "length_mm": length,
             "height_mm": height,
             "concave_radius_mm": _finite(first.concave_mm()),
@@ -172,7 +172,7 @@ def off_faces(made: Written, found: Sequence[Deviation]) -> list[dict[str, Any]]
             "number": strip.face.number,
             "joined": [part.face.number for part in strip.joined],
             "kind": strip.face.kind,
-            "cut_as": words.code(strip),
+            "cut_as": program.code(strip),
             "to_face_mm": one.to_face_mm,
             "to_written_mm": one.to_written_mm,
             "remark": _remarks(strip),

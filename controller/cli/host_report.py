@@ -5,21 +5,25 @@ It needs no other file, and names no computer, nobody and no folder of theirs.
 
 from __future__ import annotations
 
+import math
 import platform
 import re
 import time
 from collections.abc import Iterator, Sequence
 from html import escape
 
-from controller.cli import host_pictures
 from controller.cli.host_lines import Line
-from controller.cli.host_measure import SHARES, Measured
+from controller.cli.host_measure import SHARES, Measured, Turn
 from controller.cli.host_view import Host
-from controller.runtime.wake_ups import Histogram
-from controller.verify import html_page
+from controller.runtime.wake_ups import BINS, Histogram
+from controller.verify import chart, html_page
+from controller.verify.chart import BOTTOM, HEIGHT, LEFT, RIGHT, TOP, WIDTH, Scale
 from controller.verify.console import say, spoken
 from controller.verify.html_page import table
 from controller.version import VERSION
+
+PER_DECADE = 16  # classes of the histogram
+BEYOND_US = 2 * BINS  # where the class of what is beyond ends
 
 # Words of the kernel's command line that are facts of such a measurement; others may name disks and people.
 WORDS = re.compile(
@@ -41,16 +45,46 @@ def _parts(measured: Measured, lines: Sequence[Line], host: Host) -> Iterator[st
     if rows:
         names = [name_of(kind, bus) for kind, bus, _ in rows]
         counts = [one for *_, one in rows]
-        yield host_pictures.histogram(names, counts, measured.limit_s)
+        yield _histogram(names, counts, measured.limit_s)
         yield table(
             _heads(), [_figures(name, one, measured) for name, one in zip(names, counts, strict=True)]
         )
         yield f"<p>{escape(_say('meaning', limit=1e6 * measured.limit_s))}</p>\n"
     if len(measured.course) > 1:
-        yield f"<h2>{escape(_say('course'))}</h2>\n{host_pictures.course(measured.course, measured.limit_s)}"
+        yield f"<h2>{escape(_say('course'))}</h2>\n{_course(measured.course, measured.limit_s)}"
     yield f"<h2>{escape(_say('computer'))}</h2>\n{table((), facts(host, measured))}"
     found = [(_say_host(one.verdict), one.shown, one.found, one.good) for one in lines]
     yield f"<h2>{escape(_say('check'))}</h2>\n{table(_words('verdict', 'what', 'found', 'good'), found)}"
+
+
+def _histogram(names: Sequence[str], counts: Sequence[Histogram], limit_s: float) -> str:
+    """How many woke how late; the limit is a line."""
+    most = max(one.count for one in counts)
+    x = Scale(1.0, BEYOND_US, LEFT, WIDTH - RIGHT, is_log=True)
+    high = 10.0 ** max(math.ceil(math.log10(most + 1)), 1)
+    y = Scale(math.sqrt(0.1), high, HEIGHT - BOTTOM, TOP, is_log=True)
+    drawn = []
+    for name, one in zip(names, counts, strict=True):
+        classes = [(low, min(high, BEYOND_US), count) for low, high, count in one.classes(PER_DECADE)]
+        ends = [(at, count) for low, high, count in classes for at in (low, high)]
+        drawn.append(chart.Line(name, [at for at, _ in ends], [count for _, count in ends]))
+    limit = chart.limit(x, 1e6 * limit_s, _say_picture("limit"))
+    return chart.on_scales(_say_picture("histogram"), (_say_picture("time"), ""), drawn, x, y, limit)
+
+
+def _course(turns: Sequence[Turn], limit_s: float) -> str:
+    """The worst of each turn over the time (min), with the limit as a line."""
+    worst = [1e6 * one.worst_s for one in turns]
+    high = math.ceil(math.log10(max(*worst, 1e6 * limit_s, 10.0)))
+    x = Scale(0.0, turns[-1].ended_s / 60.0, LEFT, WIDTH - RIGHT)
+    y = Scale(1.0, 10.0**high, HEIGHT - BOTTOM, TOP, is_log=True)
+    drawn = [chart.Line(_say_picture("worst"), [one.ended_s / 60.0 for one in turns], worst)]
+    limit = chart.limit(y, 1e6 * limit_s, _say_picture("limit"))
+    return chart.on_scales(_say_picture("course"), (_say_picture("minutes"), ""), drawn, x, y, limit)
+
+
+def _say_picture(key: str) -> str:
+    return say(f"host.picture.{key}")
 
 
 def verdict(measured: Measured) -> str:

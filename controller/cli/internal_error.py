@@ -13,7 +13,7 @@ import traceback
 from datetime import UTC, datetime
 from pathlib import Path
 
-from controller import own_files
+from controller import journald, own_files
 from controller.api import own_folder
 from controller.ipc import control_socket, internal_error
 from controller.verify.console import say
@@ -33,7 +33,7 @@ def sentence(error: BaseException) -> str:
 
 def end(error: BaseException, as_json: bool) -> int:
     """Says it where the command's answer would have been; the exit code."""
-    if "JOURNAL_STREAM" in os.environ:  # of a service; its own /tmp goes with it
+    if journald.has_stderr():  # of a service; its own /tmp goes with it
         traceback.print_exception(error)
     words = sentence(error)
     if as_json:

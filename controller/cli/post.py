@@ -17,13 +17,14 @@ from controller import atomic_file
 from controller.cli import new_files
 from controller.cli.new_files import Overwrite
 from controller.cli.speech import speaking
+from controller.geometry.arrays import Array
 from controller.machine import machine_file
 from controller.machine.model import Tool
 from controller.machine.toml_table import ConfigError
 from controller.motion.motions import SurfaceCut
 from controller.plan.report import survey
 from controller.plan.stretch import Chain, Pause
-from controller.post.chords import Array, Form, poses
+from controller.post.chords import Form, poses
 from controller.post.text import Asked, post
 from controller.program import blocks, linked
 from controller.program.program import CutBlock

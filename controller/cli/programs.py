@@ -8,7 +8,6 @@ import sys
 import time
 from collections.abc import Sequence
 from dataclasses import asdict, replace
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, NoReturn
 
@@ -231,22 +230,21 @@ class _Check(NamedTuple):
 
 
 def _draw_check(program: Path, task: checked.Task, done: _Check, shape: Shape, plot: Path) -> None:
-    from controller.verify import check_picture, path_picture
+    from controller.verify import pictures
 
     title = f"{program.name} on {task.machine.name}"
-    named = path_picture.marks((note.place.line for note in done.kept.notes), refused=False)
-    path = partial(path_picture.views, shape=shape, machine=task.machine, named=named)
-    check_picture.draw(done.survey, done.rows.longest, path, title, plot)
+    named = pictures.marks((note.place.line for note in done.kept.notes), refused=False)
+    pictures.check_picture(done.survey, done.rows.longest, shape, task.machine, named, title, plot)
 
 
 def _draw_refused(task: checked.Task, refusal: Refused, plot: Path) -> None:
     """The path of what is refused, as far as it can be seen."""
     from controller.runtime import refused_path
-    from controller.verify import path_picture
+    from controller.verify import pictures
 
     if (shape := refused_path.shape_of(task)) is not None:
-        named = path_picture.marks(refused_path.guilty_lines(refusal.facts, task.name), refused=True)
-        path_picture.refused(shape, task.machine, named, str(refusal).partition("\n")[0], plot)
+        named = pictures.marks(refused_path.guilty_lines(refusal.facts, task.name), refused=True)
+        pictures.refused_path(shape, task.machine, named, str(refusal).partition("\n")[0], plot)
 
 
 def check_of(program: Path, task: checked.Task, as_json: bool) -> dict[str, Any]:
@@ -592,9 +590,9 @@ def _write(
     elif trace_file:
         trace.save(trace_file)
     if plot:
-        from controller.verify import plots
+        from controller.verify import pictures
 
-        plots.cut_picture(trace, machine, stretches, plot)
+        pictures.cut_picture(trace, machine, stretches, plot)
 
 
 # --- demo ----------------------------------------------------------------------

@@ -9,29 +9,38 @@ writer put there.
 from __future__ import annotations
 
 import contextlib
+import io
 import json
 import re
 from collections.abc import Iterable
 from urllib.parse import quote, urlsplit
 
+import numpy as np
+
+from controller import npz
 from controller.api import notice_settings
 from controller.api.store import Store
 from controller.api.users import TOKEN_MARK
+from controller.state import record_files
 
+MACHINE = "machine"  # of a recording's arrays
 INSTEAD = b"[taken out]"
 SHORTEST = 4  # characters; what is shorter stands in half of all words
 _FORMS = re.compile(
     rb"(?P<token>\b" + re.escape(TOKEN_MARK.encode()) + rb"[\w-]{16,})"
     rb"|(?P<scheme>(?i:bearer|authorization:\s*\w+)\s+)[\w.~+/=-]{8,}"
+    rb"|(?P<cookie>(?i:cookie)[\\\"']{0,3}\s*[=:,]\s*[\\\"']{0,3})[\w.-]+=[^\r\n\\\"']+"
     rb"|(?P<address>[a-z][a-z0-9+.-]{0,20}://[^\s/:@\"']*:)[^\s/@\"']+(?=@)"
-    rb"|(?P<named>(?i:password|passwd|secret|token|api[_-]?key)[\\\"']{0,3}\s*[=:]\s*[\\\"']{0,3})[^\s\\\"',;}]{4,}"
-    rb"|(?P<option>--(?:password|token)[ =])\S+"
+    rb"|(?P<query>[?&](?:key|sig|auth)=)[\w.~%+/-]{8,}"
+    rb"|(?P<named>(?i:passwor[dt]|passwd|passphrase|pwd|kennwort|secret|token|api[_-]?key)[\\\"']{0,3}\s*[=:]\s*)"
+    rb"(?:(?P<quote>\\{0,9}[\"'])(?!(?P=quote))[^\r\n]{1,200}?(?P=quote)|[^\s\\\"',;}]{4,})"
+    rb"|(?P<option>--(?:password|token)[\s=\"',]+)[^\s\"',]+"
     rb"|(?P<hash>\$argon2[^\s\"']+)"
     rb"|(?P<key>-----BEGIN [A-Z ]*PRIVATE KEY-----.*?(?:-----END [A-Z ]*PRIVATE KEY-----|\Z))",
     re.DOTALL,
 )
 _SET = ("webhook", "password", "user", "sender", "to")  # of the notices
-_STAYS = ("scheme", "address", "named", "option")  # what stands before a secret
+_STAYS = ("scheme", "cookie", "address", "query", "named", "option")  # what stands before a secret
 
 
 def of_shop(store: Store) -> list[bytes]:
@@ -55,6 +64,25 @@ def _way(address: str) -> str:
     return ""
 
 
+def of_part(name: str, data: bytes, secrets: Iterable[bytes]) -> bytes:
+    """A file without them: of arrays, those of a recording alone have a text, which is the machine file's.
+
+    Raises ValueError for a recording that cannot be read.
+    """
+    if not name.endswith(".npz"):
+        return redacted(data, secrets)
+    if not name.endswith(record_files.TRACE):
+        return data
+    npz.check(io.BytesIO(data))
+    with np.load(io.BytesIO(data), allow_pickle=False) as packed:
+        arrays = dict(packed)
+    text = str(arrays.get(MACHINE, ""))
+    arrays[MACHINE] = np.array(redacted(text.encode(), secrets).decode())
+    out = io.BytesIO()
+    np.savez_compressed(out, **arrays)
+    return out.getvalue()
+
+
 def redacted(data: bytes, secrets: Iterable[bytes]) -> bytes:
     """The text without them."""
     for one in secrets:
@@ -63,4 +91,5 @@ def redacted(data: bytes, secrets: Iterable[bytes]) -> bytes:
 
 
 def _instead(found: re.Match[bytes]) -> bytes:
-    return next((found[name] for name in _STAYS if found[name]), b"") + INSTEAD
+    quote = found["quote"] or b""
+    return next((found[name] for name in _STAYS if found[name]), b"") + quote + INSTEAD + quote

@@ -232,34 +232,24 @@ def _log_in(file: Path, state: Path) -> Condition:
 
 
 def _rows(file: Path, state: Path) -> Condition:
-    with _writable(file) as own, contextlib.closing(own_database.opened(own)) as sql:
-        if own_database.has_lost(sql, own):
-            raise sealed_file.Damaged(message("cli.state.lost"))
-        wrong = sealed_rows.look(sql)
-    if wrong:
-        raise sealed_file.Damaged(message("cli.state.rows", tables=wrong))
-    return OLDER if wrong is None else OK
-
-
-@contextlib.contextmanager
-def _writable(file: Path) -> Iterator[Path]:
-    """A database, or a copy for who may only read it: SQLite writes beside it to read what is written ahead.
-
-    Raises OSError.
-    """
-    if os.access(file, os.W_OK) and os.access(file.parent, os.W_OK):
-        yield file
-        return
+    """Of a copy: to open it is to take what is written ahead into it, and what is damaged there is gone."""
     with tempfile.TemporaryDirectory(prefix="directrix-") as folder:
         own, stamp = Path(folder) / file.name, None
         for _ in range(COPIES):  # until nothing was taken over from beside it meanwhile
             if stamp == (stamp := file.stat().st_mtime_ns):
                 break
-            for end in ("", "-wal"):
+            for end in ("-shm", "", "-wal"):  # the count of what is ahead before that itself, which grows
                 with contextlib.suppress(FileNotFoundError):
                     data = own_files.read_bytes(file.with_name(f"{file.name}{end}"), shared=True)
                     own.with_name(f"{own.name}{end}").write_bytes(data)
-        yield own
+        known = own_database.ahead(own)
+        with contextlib.closing(own_database.opened(own)) as sql:
+            if own_database.has_lost(sql, own, known):
+                raise sealed_file.Damaged(message("cli.state.lost"))
+            wrong = sealed_rows.look(sql)
+    if wrong:
+        raise sealed_file.Damaged(message("cli.state.rows", tables=wrong))
+    return OLDER if wrong is None else OK
 
 
 def _program(file: Path, state: Path) -> Condition:

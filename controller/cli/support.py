@@ -52,6 +52,7 @@ STATE_FILES = (*owners.SEALED, *older_files.DOCUMENTS, older_files.ALARMS)
 LATEST = 3  # runs and faults whose records go along
 LATEST_ROWS = 200  # of runs and alarms
 MAX_BYTES = 64 << 20  # of one record; what is more is named instead
+PEOPLE = ("user", "address")  # of requests; the role and the socket's peer say which side it was
 JOURNAL_LINES, JOURNAL_TIMEOUT_S = 5000, 20.0
 BOOT = Path("/proc/sys/kernel/random/boot_id")
 
@@ -86,7 +87,8 @@ def _write(archive: Path, folder: Path, records: int, missing: list[str]) -> Non
         with own_files.new(half) as out, zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as file:
             secrets = _secrets(folder, missing)
             for name, data in _parts(folder, records, missing):
-                file.writestr(name, data if name.endswith(".npz") else redaction.redacted(data, secrets))
+                for part in _readable(name, partial(redaction.of_part, name, data, secrets), missing):
+                    file.writestr(*part)
             file.writestr("missing.txt", redaction.redacted("\n".join([*missing, ""]).encode(), secrets))
         own_files.rename(half, archive)
     finally:
@@ -185,7 +187,10 @@ def _service_facts(folder: Path) -> dict[str, Any]:
     with own_database.reading(folder / service_store.FILE) as sql:
         documents = sql.execute("SELECT name, generation, value FROM documents").fetchall()
         alarms = sql.execute("SELECT facts FROM alarms ORDER BY id").fetchall()
-        asked = [*requests.listed(sql, LATEST_ROWS)]
+        asked = [
+            {name: row[name] for name in row if name not in PEOPLE}
+            for row in requests.listed(sql, LATEST_ROWS)
+        ]
     return {
         "documents": {f"{name} {generation}": json.loads(value) for name, generation, value in documents},
         "alarms": [json.loads(facts) for (facts,) in alarms],

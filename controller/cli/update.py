@@ -43,15 +43,15 @@ def update(
         as_root("update")
         with tempfile.TemporaryDirectory() as scratch:
             version, own, lock = checked(wheel, sha256, Path(scratch))
-            made = environment_of(version)
+            made, known = environment_of(version), environments()
             if made.exists():
                 raise Refused(say("cli.service.environment_exists", folder=made))
             try:
                 install(made, own, lock, packages)
+                use(made, known[-1])
             except BaseException:
                 shutil.rmtree(made, ignore_errors=True)
                 raise
-        known = environments()
         _write([*(one for one in known if one != made), made])
         _link(made)
         show.print(say("cli.service.updated", version=version, folder=made, before=known[-1], target=TARGET))
@@ -65,7 +65,7 @@ def rollback() -> None:
         if len(known) < 2:
             raise Refused(say("cli.service.nothing_before", file=ENVIRONMENTS))
         last, before = known[-1], known[-2]
-        run(str(python_of(before)), "-P", "-m", "controller", "service", "install")
+        _write_units(before, "--unlocked")  # it ran before, whatever its packages are
         _write([*known[:-2], last, before])  # twice: as it was
         _link(before)
         show.print(say("cli.service.rolled_back", folder=before, after=last, target=TARGET))
@@ -104,14 +104,26 @@ def _beside(wheel: Path) -> str:
 
 
 def install(made: Path, wheel: Path, lock: Path, packages: Path | None) -> None:
-    """The environment, and the units for it. Raises Refused."""
+    """Makes the environment. Raises Refused."""
     base = Path(getattr(sys, "_base_executable", sys.executable))
     run(str(base), "-m", "venv", str(made))
     pip = [str(python_of(made)), "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
     local = [] if packages is None else ["--no-index", "--find-links", str(packages)]
     run(*pip, "--require-hashes", "--no-deps", *local, "-r", str(lock))
     run(*pip, "--no-index", "--no-deps", str(wheel))
-    run(str(python_of(made)), "-P", "-m", "controller", "service", "install")
+
+
+def use(made: Path, before: Path) -> None:
+    """Has the units run an environment, or, where that fails, the one before as they did. Raises Refused."""
+    try:
+        _write_units(made)
+    except BaseException:
+        _write_units(before, "--unlocked")
+        raise
+
+
+def _write_units(environment: Path, *more: str) -> None:
+    run(str(python_of(environment)), "-P", "-m", "controller", "service", "install", *more)
 
 
 def environments() -> list[Path]:

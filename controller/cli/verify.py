@@ -139,10 +139,10 @@ def verify(
                 with bar(say("cli.bar.searching"), as_json) as progress:
                     found = replace(found, bounds=_bounds(found.judged, progress, spread))
         if plot:
-            from controller.verify import cut_pictures
+            from controller.verify import pictures
 
             name = Path(task.name).name
-            cut_pictures.picture(found.judged, plot, f"{name}, {found.of}, on {made.name}")
+            pictures.deviations(found.judged, plot, f"{name}, {found.of}, on {made.name}")
         figures = {"program": task.name, **found.to_dict(made), "partial": bool(spoilt), "spoilt": spoilt}
         bad = refuses and bool(found.gouges or found.exceeding)
         if as_json and not bad:

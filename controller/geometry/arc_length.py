@@ -7,12 +7,10 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from controller.geometry.arrays import Array
 from controller.geometry.curves import DEGREE, Arc, ArcLength, Curve, Line, NoLength
 from controller.geometry.vectors import norm
-
-Array = NDArray[np.float64]
 
 MAX_PANELS = 4096  # of a curve
 MAX_OF_SPAN = 256  # of a part between knots: a curve with a cusp there takes some hundred

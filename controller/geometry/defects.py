@@ -9,15 +9,12 @@ from enum import Enum
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
-from controller.geometry.arrays import distinct
+from controller.geometry.arrays import Array, distinct
 from controller.geometry.curves import Arc, Bezier, Curve, Line
 from controller.geometry.splines import BSpline
 from controller.geometry.surfaces import Surface
 from controller.geometry.vectors import Vector, add, cross, dot, norm, scale, subtract
-
-Array = NDArray[np.float64]
 
 ZERO_MM = 1e-6  # lengths below are no lengths: ten thousandths of a BLU
 SAMPLES = 2001

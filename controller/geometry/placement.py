@@ -96,6 +96,10 @@ class Placed(Surface):
     # offsets with the ruling, the offset, the lower point's share of the ruling, and that between both.
     _numbers: tuple[float, ...] = field(init=False, repr=False, compare=False)
 
+    @property
+    def nominal(self) -> Surface:
+        return self.base
+
     def __post_init__(self) -> None:
         for name in ("lower", "upper", "ruling_curve"):
             object.__setattr__(self, name, getattr(self.base, name))

@@ -13,9 +13,8 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from controller.geometry.arrays import Array
 
 ORDER = 3
 pi = math.pi

@@ -29,6 +29,11 @@ class Surface:
     upper: Curve
     ruling_curve: Curve
 
+    @property
+    def nominal(self) -> Surface:
+        """Without a cutter that is placed on it."""
+        return self
+
     def contact(self, u: Number, m: ModuleType = math) -> Vector:
         """The point C1(u), mm (Eq. 4)."""
         return self.lower.at(u, m)

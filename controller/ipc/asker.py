@@ -39,11 +39,11 @@ def of_socket(own: socket.socket) -> tuple[int, int]:
     return uid, gid
 
 
-def of_request(request: Mapping[str, Any], uid: int) -> Asker:
+def of_request(request: Mapping[str, Any], peer: str) -> Asker:
     """Whom it names (``by``), else the user at the other end. Raises ValueError for what names nobody."""
     by = request.get("by")
     if by is None:
-        return Asker(name_of(uid))
+        return Asker(peer)
     found = {name: by.get(name, "") for name in ("user", "role", "address")} if isinstance(by, dict) else {}
     whole = found and all(isinstance(one, str) and len(one) <= LONGEST for one in found.values())
     if not whole or found["role"] not in ROLES or not found["user"]:

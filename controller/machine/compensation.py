@@ -21,12 +21,14 @@ from functools import lru_cache
 from itertools import pairwise
 from typing import NamedTuple
 
+from controller.machine.deviation_tables import Straightness
 from controller.machine.kinematics.slides import Slides
-from controller.machine.model import Axis, Limits, Machine, Pitch
+from controller.machine.model import PERIODS_S, Axis, Limits, Machine, Pitch
 
 CELLS = 1024  # of a grid
 REVERSAL_SHARE = 0.05  # of the limits of an axis that its reversal may use
 MAX_SHARE = 0.15  # of its limits that tables may use in all
+SLIGHT_CORNER = 0.001  # of an acceleration: what the tick's last check lets pass is no corner
 # The quintic 10 s^3 - 15 s^4 + 6 s^5: the largest of its first three derivatives.
 QUINTIC = (1.875, 10.0 / math.sqrt(3.0), 60.0)
 
@@ -141,33 +143,54 @@ def ramp(pitch: Pitch, limits: Limits, period_s: float) -> tuple[float, ...]:
 
 
 @lru_cache(64)
-def slopes(pitch: Pitch) -> tuple[float, float]:
-    """The largest first and second derivative of the deviations over the position."""
+def slopes(at: tuple[float, ...], *rows: tuple[float, ...]) -> tuple[float, float, float]:
+    """The largest first and second derivative of tables over the position, and a step of their grid."""
     first = second = 0.0
-    for values in (pitch.up, pitch.down):
-        found = grid(pitch.at, values)
+    for values in rows:
+        found = grid(at, values)
         rates = [rise * found.per_step for rise in found.rises]
         first = max(first, *(abs(rate) for rate in rates))
-        bends = [abs(b - a) * found.per_step for a, b in pairwise(rates)]
-        second = max(second, *bends)
-    return first, second
+        second = max(second, *(abs(b - a) * found.per_step for a, b in pairwise(rates)))
+    return first, second, (at[-1] - at[0]) / CELLS
 
 
-def share(pitch: Pitch, limits: Limits) -> float:
-    """Of an axis' limits, what its table may need at most: reversal, and the slopes at full speed."""
-    first, second = slopes(pitch)
-    bend = second * limits.velocity**2 / limits.acceleration
-    turn = 3.0 * second * limits.velocity * limits.acceleration / limits.jerk
-    return (REVERSAL_SHARE if reversal(pitch) else 0.0) + first + max(bend, turn)
+def _share(table: tuple[float, float, float], along: Limits, limits: Limits) -> float:
+    """Of an axis' limits, what tables with such ``slopes`` may need at most.
+
+    ``along``: the limits of the axis whose position counts. Where a cell is longer than the way of a period,
+    all of a corner between two of them is met within one.
+    """
+    first, second, step = table
+    ratios: list[float] = [getattr(along, name) / getattr(limits, name) for name in Limits.__slots__]
+    bend = second * along.velocity**2 / limits.acceleration
+    turn = 3.0 * second * along.velocity * along.acceleration / limits.jerk
+    corner = second * along.velocity * (step / PERIODS_S[0]) / limits.acceleration
+    return first * max(ratios) + max(bend, turn, corner - SLIGHT_CORNER)
 
 
-def reserved(axis: Axis) -> Axis:
-    """An axis with the limits that its table leaves for the plan."""
-    if axis.pitch is None:
-        return axis
-    part, limits = 1.0 - share(axis.pitch, axis.limits), axis.limits
+def own_share(pitch: Pitch, limits: Limits) -> float:
+    """Of an axis' limits, what its own table may need at most: reversal, and the slopes at full speed."""
+    need = _share(slopes(pitch.at, pitch.up, pitch.down), limits, limits)
+    return (REVERSAL_SHARE if reversal(pitch) else 0.0) + need
+
+
+def share(axis: Axis, axes: Sequence[Axis], straightness: Sequence[Straightness]) -> float:
+    """Likewise what all tables may need that move it."""
+    along = {one.name: one.limits for one in axes}
+    rows = [row for row in straightness if row.moves == axis.name]
+    crossed = [_share(slopes(row.at, row.off), along[row.along], axis.limits) for row in rows]
+    return math.fsum(crossed) + (0.0 if axis.pitch is None else own_share(axis.pitch, axis.limits))
+
+
+def reserved(axes: Sequence[Axis], straightness: Sequence[Straightness] = ()) -> tuple[Axis, ...]:
+    """The axes with the limits that their tables leave for the plan."""
+    return tuple(_reduced(axis, 1.0 - share(axis, axes, straightness)) for axis in axes)
+
+
+def _reduced(axis: Axis, part: float) -> Axis:
+    limits = axis.limits
     left = Limits(limits.velocity * part, limits.acceleration * part, limits.jerk * part)
-    return replace(axis, limits=left)
+    return axis if part == 1.0 else replace(axis, limits=left)
 
 
 class Crossing(NamedTuple):

@@ -220,9 +220,10 @@ def alone(machine: Machine) -> str:
 def _machine(general: Mapping[str, Any], tables: MachineFile, text: str) -> Machine:
     """The machine of its tables; ``general``: the fields that [machine] fills."""
     offsets = [tables.offsets.get(name, Offset(Frame())) for name in KEPT_OFFSETS]
+    pointed = [_pointed(axis) for axis in tables.axis]
     return Machine(
         **{name: value for name, value in general.items() if name in Machine.__slots__},
-        axes=Slides(tables.axis).limited([compensation.reserved(_pointed(axis)) for axis in tables.axis]),
+        axes=Slides(tables.axis).limited(compensation.reserved(pointed, tables.straightness)),
         buses=tables.bus,
         tools=tables.tool,
         offsets=tuple(one.frame for one in offsets),
@@ -350,12 +351,24 @@ def _check_still(axis: Reading) -> None:
 
 def _check_slopes(axis: Reading) -> None:
     """Refuses a table that would need too much of its axis' limits."""
-    if axis["pitch"] is None:
-        return
-    share = compensation.share(axis["pitch"], axis["limits"])
+    if axis["pitch"] is not None:
+        share = compensation.own_share(axis["pitch"], axis["limits"])
+        _check_share(axis.one_below("pitch"), f"up_{axis.unit}", axis["name"], share)
+
+
+def _check_straight(row: Reading) -> None:
+    """Likewise, with the axis' own table and the rows before this one."""
+    axes, rows, name = row.top["axis"], row.top["straightness"], row["moves"]
+    n = row.top.below["straightness"].index(row)
+    axis = next(one for one in axes if one.name == name)
+    before, share = (compensation.share(axis, axes, rows[:k]) for k in (n, n + 1))
+    if before <= compensation.MAX_SHARE:
+        _check_share(row, "off_mm", name, share)
+
+
+def _check_share(table: Reading, key: str, axis: str, share: float) -> None:
     if share > compensation.MAX_SHARE:
-        table, most = axis.one_below("pitch").table, compensation.MAX_SHARE
-        table.refuse(f"up_{axis.unit}", "pitch_steep", share=share, axis=axis["name"], most=most)
+        table.table.refuse(key, "table_steep", share=share, axis=axis, most=compensation.MAX_SHARE)
 
 
 def _nodes(top: Reading) -> list[tuple[str, str, int]]:
@@ -416,6 +429,7 @@ CHECKS: Mapping[type, Sequence[Check]] = {
         equipment.check_clamp,
         equipment.check_limits,
     ),
+    Straightness: (_check_straight,),
     Spindle: (_check_devices, spindle.check_outputs, spindle.check_gears),
     Io: (_check_devices,),
     Sensor: (equipment.check_sensor, equipment.check_probe),

@@ -33,10 +33,10 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from controller.geometry.arrays import Array
 from controller.geometry.placement import Barrel
 from controller.machine.model import Tool
 
-Array = NDArray[np.float64]
 T = TypeVar("T", float, NDArray[np.float64])
 
 DOWN, UP = -0.5 * math.pi, 0.5 * math.pi

@@ -13,9 +13,8 @@ from pathlib import Path
 from types import ModuleType
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from controller.geometry.arrays import Array
 
 WRAPPER = "scipy.linalg._flapack"
 

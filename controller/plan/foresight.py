@@ -17,12 +17,12 @@ from typing import NamedTuple
 from controller.ipc.handoff import Snapshot
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine
-from controller.plan.look_ahead import NoLaw, Orders, Place, Sent
+from controller.plan.look_ahead import NoLaw, Orders, Sent, TrackPlace
 from controller.plan.planner import Ahead, orders_of
 from controller.plan.report.passing import OWN, place_of
 from controller.plan.report.planned import FULL, windows_along
 from controller.plan.restart.program_position import ENTRY_ID, lines_along, part_at
-from controller.plan.stretch import Chain, Pause, Stretch, Wait
+from controller.plan.stretch import Chain, Pause, Wait
 from controller.plan.timetable import MAX_EVENTS, Event, Passed, Timetable, event_of
 from controller.plan.track import Track, Unit
 from controller.plan.waits import OPTIONAL
@@ -71,7 +71,7 @@ def foreseen(
     )
     track = Track((), machine, kinematics)
     foresight = Foresight(track, items, machine, kinematics)
-    ahead = Ahead(track, (), Place(0, 0.0), 0.0)
+    ahead = Ahead(track, (), TrackPlace(0, 0.0), 0.0)
     while foresight.windows < FIRST and foresight.go_on(ahead, 0.0, orders):
         pass
     return None if foresight.refused else foresight.timetable or Timetable(0.0, 0.0)
@@ -92,7 +92,7 @@ class Foresight:
         self._rolled: list[tuple[float, float]] = []  # from and to where they are not told from each other
         self._events: list[Event] = []
         self._from_s = self._end_s = 0.0
-        self._place = Place(0, 0.0)  # where the path goes on after what is foreseen
+        self._place = TrackPlace(0, 0.0)  # where the path goes on after what is foreseen
         self.windows = 0  # that are foreseen, since it was begun
         self._entered = False  # it has come to the program's own motions
         self._over = False  # as far as the path can be foreseen now
@@ -211,8 +211,8 @@ class Foresight:
         unit = self.at(sent.first) if sent.course is None else None
         if len(self._events) >= MAX_EVENTS:
             return
-        if unit is not None and isinstance(unit.what, Pause):
-            event = event_of(unit.what, sent.start_s)
+        if unit is not None and unit.pause:
+            event = event_of(unit.pause, sent.start_s)
             self._events += [event] if event is not None else []
         elif sent.course is not None and sent.pieces and sent.pieces[-1].optional_stop:
             self._events.append(Event(sent.end_s, sent.pieces[-1].line, Wait(stops=OPTIONAL)))
@@ -233,7 +233,7 @@ class Foresight:
         if unit is None:
             last = self.at(number - 1) if self._own.waits is not None else None
             return None if last is None else (last.order, 1.0, OWN, 0.0)
-        if not isinstance(unit.what, Stretch) or unit.chain is None:
+        if unit.stretch is None or unit.chain is None:
             return unit.order, 0.0, 0, 0.0
         part, fraction = part_at(lines_along(unit.chain)[unit.index], s)
-        return place_of(unit.what.name, part.order, fraction, s)
+        return place_of(unit.stretch.name, part.order, fraction, s)

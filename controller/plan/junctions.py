@@ -6,9 +6,8 @@ What is told of many boundaries at once: arrays are (N,) or (N, axes).
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from controller.geometry.arrays import Array
 
 MARGIN = 0.998  # of each limit, for what differences on nodes do not see
 

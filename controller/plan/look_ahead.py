@@ -68,7 +68,7 @@ class Orders(NamedTuple):
         return self.override or 1.0, self.rapid_override or 1.0, self.adaptive, self.everywhere
 
 
-class Place(NamedTuple):
+class TrackPlace(NamedTuple):
     """Unit of the track, and s in its motion."""
 
     unit: int
@@ -83,7 +83,7 @@ class Sent:
     start_s: float  # plan time
     end_s: float  # plan time up to which it holds: its rest, or where the next window replaces it
     seam_s: float | None  # plan time from which on the next window is to replace it; None: it ends for good
-    after: Place  # where the path goes on after its rest
+    after: TrackPlace  # where the path goes on after its rest
     orders: Orders
     pieces: tuple[Piece, ...]
     course: FeedCourse | None = None  # None: a pause
@@ -115,14 +115,14 @@ class Sent:
         """Whether an override of nothing forbids it."""
         return self.course is not None and _stands(self.course.stretches, orders)
 
-    def place_at(self, plan_s: float) -> Place:
+    def place_at(self, plan_s: float) -> TrackPlace:
         """Where on the path it is at a plan time; a pause stands at its beginning."""
         if self.course is None or self.profile is None:
             ended = not (self.pieces[0].sets or self.pieces[0].stop or self.pieces[0].optional_stop)
-            return self.after if ended and self.end_s <= self.start_s else Place(self.first, 0.0)
+            return self.after if ended and self.end_s <= self.start_s else TrackPlace(self.first, 0.0)
         s = self.profile.at(min(max(plan_s - self.start_s, 0.0), self.profile.duration_s)).s
         k = int(self.course.index(np.array([s]))[0])
-        return Place(self.first + k, s - float(self.course.zeros[k]))
+        return TrackPlace(self.first + k, s - float(self.course.zeros[k]))
 
     def motion_at(self, plan_s: float) -> int | None:
         """Id of the motion in which it is at a plan time."""
@@ -168,21 +168,21 @@ class Windows:
     # --- what others ask for
 
     def from_rest(
-        self, track: Units, place: Place, start_s: float, orders: Orders, soon: bool = False
+        self, track: Units, place: TrackPlace, start_s: float, orders: Orders, soon: bool = False
     ) -> Sent | None:
         """The next window or pause from rest; None at the end, and where an override of 0 forbids it."""
         unit = track.at(place.unit)
         if unit is None:
             return None
-        if isinstance(unit.what, Pause):
-            return self._pause(unit, unit.what, place, start_s, orders)
-        place = Place(place.unit, max(place.s, unit.begin))
+        if unit.pause:
+            return self._pause(unit, unit.pause, place, start_s, orders)
+        place = TrackPlace(place.unit, max(place.s, unit.begin))
         if place.s >= unit.length - ROUNDING:
             if not unit.rests:
-                return self.from_rest(track, Place(place.unit + 1, 0.0), start_s, orders, soon)
+                return self.from_rest(track, TrackPlace(place.unit + 1, 0.0), start_s, orders, soon)
             mark = dwell(0.0, unit.line, end=unit.last, optional_stop=unit.optional_stop)
             mark = mark._replace(block_end=unit.block_end)
-            after = Place(place.unit + 1, 0.0)
+            after = TrackPlace(place.unit + 1, 0.0)
             return Sent(place.unit, start_s, start_s, None, after, orders, (mark,))
         begin = State(place.s, 0.0, 0.0)
         seconds = FIRST_S if soon else WINDOW_S
@@ -208,7 +208,7 @@ class Windows:
             return None
         k = int(sent.course.index(np.array([state.s]))[0])
         offset = float(sent.course.zeros[k])
-        place = Place(sent.first + k, state.s - offset)
+        place = TrackPlace(sent.first + k, state.s - offset)
         begin = State(place.s, state.v, state.a)
         guess = _tail(sent.profile, t, offset)
         skips = range(BLOCKS_TO_STOP_IN if orders.stop_inside else 1)
@@ -227,7 +227,13 @@ class Windows:
     # --- how far
 
     def _reach(
-        self, track: Units, place: Place, orders: Orders, seconds: float, skipped: int, least: float = 0.0
+        self,
+        track: Units,
+        place: TrackPlace,
+        orders: Orders,
+        seconds: float,
+        skipped: int,
+        least: float = 0.0,
     ) -> _Reach:
         """Units from ``place`` on that take about ``seconds``, or the course where it takes little more.
 
@@ -239,9 +245,9 @@ class Windows:
         units: list[Unit] = []
         takes: list[float] = []
         number, s, start = place.unit, place.s, 0.0
-        while (unit := track.at(number)) is not None and isinstance(unit.what, Stretch):
+        while (unit := track.at(number)) is not None and unit.stretch:
             units.append(unit)
-            takes_s, braking_s = self._unit_takes_s(unit, unit.what, s, orders)
+            takes_s, braking_s = self._unit_takes_s(unit, unit.stretch, s, orders)
             takes.append(takes_s)
             seconds = pace.window_s(seconds, braking_s)
             ends, at_end = _stops_of(unit, orders)
@@ -292,21 +298,21 @@ class Windows:
         return pace.row_takes_s(course, from_s) if is_row(course) else pace.takes_s(course, from_s)
 
     def _forbidden(self, reach: _Reach, orders: Orders) -> bool:
-        return _stands([u.what for u in reach.units if isinstance(u.what, Stretch)], orders)
+        return _stands([unit.stretch for unit in reach.units if unit.stretch], orders)
 
     # --- one window
 
     def _window(
         self,
         reach: _Reach,
-        place: Place,
+        place: TrackPlace,
         begin: State,
         guess: Profile | None,
         start_s: float,
         orders: Orders,
     ) -> Sent | None:
         units = reach.units
-        stretches = [unit.what for unit in units if isinstance(unit.what, Stretch)]
+        stretches = [unit.stretch for unit in units if unit.stretch]
         begins = [unit.begin for unit in units]
         course = FeedCourse(stretches, self._machine, self._kinematics, *orders.scales, begins)
         found = known.law(course, begin, reach.until, guess)
@@ -335,11 +341,11 @@ class Windows:
         """Rounded up to whole periods."""
         return math.ceil(seconds / self._period_s - 1e-6) * self._period_s
 
-    def _after(self, reach: _Reach, place: Place, course: FeedCourse) -> Place:
+    def _after(self, reach: _Reach, place: TrackPlace, course: FeedCourse) -> TrackPlace:
         last = len(reach.units) - 1
         if reach.until is None:
-            return Place(place.unit + last + 1, 0.0)
-        return Place(place.unit + last, reach.until - float(course.zeros[last]))
+            return TrackPlace(place.unit + last + 1, 0.0)
+        return TrackPlace(place.unit + last, reach.until - float(course.zeros[last]))
 
     def _pieces(self, made: Sent, units: list[Unit], reach: _Reach) -> tuple[Piece, ...]:
         assert made.course is not None
@@ -403,7 +409,7 @@ class Windows:
         mask, latched = self._machine.sensor_mask(sensor), sensor.latch_tpdo > 0 and not probe.away
         return Sensing(mask, not probe.away, pause.ends, latched, sensor.latency_s, late)
 
-    def _pause(self, unit: Unit, pause: Pause, place: Place, start_s: float, orders: Orders) -> Sent:
+    def _pause(self, unit: Unit, pause: Pause, place: TrackPlace, start_s: float, orders: Orders) -> Sent:
         sets = pause.turns or (self._machine.has_peripherals and pause.act in SETTING)
         piece = Piece(
             unit.motion_id,
@@ -424,7 +430,7 @@ class Windows:
             awaits=self._awaited(pause.awaits) if pause.awaits is not None else None,
             senses=self._sensing(pause, pause.probe) if pause.probe is not None else None,
         )
-        end_s, after = start_s + piece.duration_s, Place(place.unit + 1, 0.0)
+        end_s, after = start_s + piece.duration_s, TrackPlace(place.unit + 1, 0.0)
         return Sent(place.unit, start_s, end_s, None, after, orders, (piece,))
 
 

@@ -1,34 +1,97 @@
 """Whether the tool is off the path, and what the planner has to do about it.
 
+```
+     path  ======*======        * held here
+                 |  retract: along the tool axis, as often as wanted
+                 o-----o        jogged
+```
 The planner plans one way at a time. While the tool is aside, the program's own track waits here
-with the place at which it goes on; the ways off and back are tracks of their own that end held. The way in,
-from where the tool waits then, is laid into the program's track.
+with the place at which it goes on; the ways off and back are tracks of their own that end held.
+
+Where the tool has been meanwhile does not matter to the way back: it is laid from where the tool stands, with
+what is in the spindle by then (``restart.entry``), to a place off the part. There the tool waits, and goes in
+by a lead that is laid into the program's track once it is resumed (``restart.reentry``).
 """
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
 from typing import NamedTuple
 
 from controller.ipc.handoff import Snapshot
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine, Tool
-from controller.messages import message
-from controller.plan import retract as aside
-from controller.plan.look_ahead import Place
-from controller.plan.path.path import Chain, Pause, Stretch
+from controller.messages import Key, message
+from controller.plan.look_ahead import TrackPlace
 from controller.plan.restart import entry, other_tool, reentry
 from controller.plan.restart.program_position import ENTRY_ID, Spot
-from controller.plan.restart.reentry import Fitted, Reentry, joints_at
+from controller.plan.restart.reentry import (
+    RETRACT_MM_S,
+    Entrance,
+    Fitted,
+    NotPossible,
+    Reentry,
+    along_axis,
+    joints_at,
+)
 from controller.plan.restart.restart import Rest, named
-from controller.plan.retract import Aside, NotPossible
+from controller.plan.stretch import Chain, Pause, Stretch, straight
 from controller.plan.track import Track
+from controller.program import modal
+from controller.program.program import Act, Place
 from controller.state.modes import Mode
 
 FIRST_ID = 2 * ENTRY_ID  # of their motions; each way has its own, for the tick knows the last ones yet
 
-Left = tuple[Track, Place]
+
+def is_held(now: Snapshot) -> bool:
+    """Whether the machine is held and stands."""
+    return now.mode is Mode.HOLD and now.at_rest and not now.stopping
+
+
+def see_held(now: Snapshot, what: str) -> None:
+    """Raises NotPossible unless the machine is held and stands."""
+    if not is_held(now):
+        raise NotPossible(message("aside.not_held", what=Key(f"aside.{what}"), mode=now.mode.name))
+
+
+@dataclass(slots=True)
+class Aside:
+    """The tool is off the path. ``held``: joints on the path."""
+
+    spot: Spot
+    held: Joints
+    place: Place
+    retracted: bool = False  # at least once: it does not come back to the path by jogging
+    off: bool = False  # the retract has come to its end
+    returning: bool = False
+
+    @property
+    def marks(self) -> tuple[object, ...]:
+        """Changes with whatever its owner has noted."""
+        return self.off, self.returning, self.retracted
+
+
+def retract(
+    now: Joints, by_mm: float, place: Place, machine: Machine, kinematics: Kinematics
+) -> Iterator[Chain | Pause]:
+    """The way off along the tool axis, to a stop. Raises NotPossible."""
+    room = reentry.room_along_axis(now, machine, kinematics)
+    if not 0.0 < by_mm <= room:
+        raise NotPossible(message("aside.room", by=by_mm, room=room))
+    off = straight("retract", place, now, along_axis(now, by_mm, kinematics), RETRACT_MM_S, kinematics)
+    return ending([] if off is None else [off], place)
+
+
+def ending(way: Iterable[Stretch], place: Place) -> Iterator[Chain | Pause]:
+    """A way aside: one move after the other, to a stop."""
+    yield from (Chain((stretch,)) for stretch in way)
+    yield Pause(place, modal.power_on().modal, act=Act.STOP)
+
+
+Left = tuple[Track, TrackPlace]
 
 
 class Back(NamedTuple):
@@ -69,7 +132,7 @@ class Detour:
 
     def retract(self, now: Snapshot, left: Left | None, spot: Spot | None, by_mm: float) -> Track:
         """The way off, or further off. Raises NotPossible."""
-        aside.see_held(now, "retract")
+        see_held(now, "retract")
         away = self.aside
         if away is None:
             made = None if now.away else self._leaving(now, left, spot)
@@ -77,7 +140,7 @@ class Detour:
             made = None if self._left is None else (away, self._left)
         if made is None or made[0].returning:
             raise NotPossible(message("aside.no_retract"))
-        way = aside.retract(now.joints, by_mm, made[0].place, self._machine, self._kinematics)
+        way = retract(now.joints, by_mm, made[0].place, self._machine, self._kinematics)
         self.aside, self._left = made
         self.aside.retracted, self.aside.off = True, False
         return self._track(way)
@@ -87,7 +150,7 @@ class Detour:
 
         From the path itself only with another tool: the operator has jogged there.
         """
-        aside.see_held(now, "return")
+        see_held(now, "return")
         rest = back.rest
         away = self.aside
         if away is not None:
@@ -104,35 +167,35 @@ class Detour:
                 other_tool.see_fits(now.joints, away.held, back.before, fitted.tool, rest)
             path = Track(rest.opened(rest.items), machine, kinematics, probes=True)
             path.goes_on(left[0])
-            left, stood = (path, Place(0, rest.spot.s)), rest.target.joints
-        onto, (track, place) = self._onto(*left, stood, rest, fitted)
+            left, stood = (path, TrackPlace(0, rest.spot.s)), rest.target.joints
+        entrance = Entrance(machine, kinematics, fitted)
+        onto, (track, place) = self._onto(*left, stood, rest, entrance)
         length_mm = 0.0 if fitted.tool is None else fitted.tool.length_mm
         clear_mm = fitted.walls.height(onto.waits, length_mm, kinematics) + machine.clearance_mm
         clear_mm = max(clear_mm, track.clear_mm(onto.waits))
-        how = (onto, clear_mm, away.place, fitted, machine, kinematics, rest is None)
-        way = self._track(aside.ending(itertools.chain(*entry.way(now.joints, *how)), away.place))
+        ways = entry.way(now.joints, onto, clear_mm, away.place, entrance, has_cut=rest is None)
+        way = self._track(ending(itertools.chain(*ways), away.place))
         track.lead_in(place.unit, onto.s, onto.ways, onto.joins, self._next_id)
         self._next_id += len(onto.ways)
-        self._left, away.returning = (track, Place(place.unit, 0.0 if onto.ways else onto.s)), True
+        self._left, away.returning = (track, TrackPlace(place.unit, 0.0 if onto.ways else onto.s)), True
         self.aside = away
         return way
 
     def _onto(
-        self, track: Track, place: Place, stood: Joints, rest: Rest | None, fitted: Fitted
+        self, track: Track, place: TrackPlace, stood: Joints, rest: Rest | None, entrance: Entrance
     ) -> tuple[Reentry, Left]:
         """How a path is gone on with that was left at a place of it, the joints at ``stood``, and where."""
         number, s = place
         while (unit := track.at(number)) is not None:
-            stretch = unit.what if isinstance(unit.what, Stretch) else None
-            clear_mm = track.clear_mm(stood, stretch) if rest is None else rest.target.clear_mm
-            how = (clear_mm, self._machine, self._kinematics)
-            if isinstance(unit.what, Pause):
+            clear_mm = track.clear_mm(stood, unit.stretch) if rest is None else rest.target.clear_mm
+            if unit.stretch is None:
                 if track.comes_free(number):
-                    return Reentry(stood, 0.0), (track, Place(number, 0.0))
-                return reentry.enter_pause(stood, unit.what.place, *how), (track, Place(number, 0.0))
-            found = reentry.begins_at(unit.what, max(s, unit.begin))
+                    return Reentry(stood, 0.0), (track, TrackPlace(number, 0.0))
+                onto = entrance.enter_pause(stood, unit.what.place, clear_mm)
+                return onto, (track, TrackPlace(number, 0.0))
+            found = reentry.begins_at(unit.stretch, max(s, unit.begin))
             if found is not None:
-                return reentry.enter(unit.what, found, fitted, *how), (track, Place(number, found))
+                return entrance.enter(unit.stretch, found, clear_mm), (track, TrackPlace(number, found))
             number, s = number + 1, 0.0
         raise NotPossible(message("aside.no_return"))
 
@@ -149,7 +212,7 @@ class Detour:
         ``ask`` for place and spot; they are looked up once in a hold, or when a jog from there is over that
         began before anybody had looked.
         """
-        held = aside.is_held(now)
+        held = is_held(now)
         if now.mode is Mode.JOG or now.away:
             if self._stood is None and now.away and held:
                 self._stood = self._leaving(now, *ask())
@@ -190,11 +253,11 @@ class Detour:
         held = self._goes_on_at(*left) if now.away else now.joints
         return None if held is None else (Aside(spot, held, unit.what.place), left)
 
-    def _goes_on_at(self, track: Track, place: Place) -> Joints | None:
+    def _goes_on_at(self, track: Track, place: TrackPlace) -> Joints | None:
         """The joints at a place of a path; of a pause, where the motion behind it begins; None at the end."""
         number, s = place.unit, place.s
         while (unit := track.at(number)) is not None:
-            if isinstance(unit.what, Stretch):
-                return joints_at(unit.what, s if number == place.unit else unit.begin, self._kinematics)
+            if unit.stretch:
+                return joints_at(unit.stretch, s if number == place.unit else unit.begin, self._kinematics)
             number += 1
         return None

@@ -31,11 +31,11 @@ from controller.ipc.handoff import PieceMessage, Snapshot
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine
 from controller.messages import message
-from controller.plan.look_ahead import Orders, Place, Sent, Windows
-from controller.plan.off_path import SAME, Back, Detour
+from controller.plan.look_ahead import Orders, Sent, TrackPlace, Windows
+from controller.plan.off_path import SAME, Aside, Back, Detour
 from controller.plan.path.path import Chain, Pause, Stretch
 from controller.plan.restart.program_position import Spot
-from controller.plan.retract import Aside, NotPossible
+from controller.plan.restart.reentry import NotPossible
 from controller.plan.track import Track
 from controller.program.program import Probed, ProgramError
 from controller.state.modes import Mode, Request
@@ -64,7 +64,7 @@ class Ahead(NamedTuple):
 
     track: Track
     sent: tuple[Sent, ...]
-    next: Place
+    next: TrackPlace
     queue_end_s: float  # plan time
 
 
@@ -73,7 +73,7 @@ class _Held(NamedTuple):
 
     sequence: int
     sent: list[Sent]
-    next: Place
+    next: TrackPlace
     queue_end_s: float
     moving: bool  # the message began in motion: a refusal means that it came too late
 
@@ -110,7 +110,7 @@ class Planner:
         self._epoch = 0
         self._track = Track((), machine, kinematics)
         self.touches: list[Touch] = []  # of all that was loaded
-        self._next = Place(0, 0.0)  # where the path goes on after what was sent
+        self._next = TrackPlace(0, 0.0)  # where the path goes on after what was sent
         self._queue_end_s = 0.0
         self._dropped = False
         self._probings: int | None = None  # that had come to their end before the one that is waited for
@@ -129,7 +129,7 @@ class Planner:
     def load(self, items: Iterable[Chain | Pause], queue_end_s: float, epoch: int = 0) -> None:
         """Take a path; the first message goes out with the next ``work``."""
         track = Track(items, self._machine, self._kinematics, probes=True)
-        self._begin(track, Place(0, 0.0), queue_end_s, epoch)
+        self._begin(track, TrackPlace(0, 0.0), queue_end_s, epoch)
         self._probings = None
         self._dropped = False
         self._detour.forget()
@@ -142,11 +142,11 @@ class Planner:
     def drop(self) -> None:
         """Forget what has not been sent: the operator stopped the program."""
         nothing = Track((), self._machine, self._kinematics)
-        self._begin(nothing, Place(0, 0.0), self._queue_end_s, self._epoch)
+        self._begin(nothing, TrackPlace(0, 0.0), self._queue_end_s, self._epoch)
         self._dropped = True
         self._detour.forget()
 
-    def _begin(self, track: Track, place: Place, queue_end_s: float, epoch: int) -> None:
+    def _begin(self, track: Track, place: TrackPlace, queue_end_s: float, epoch: int) -> None:
         self._track, self._next, self._queue_end_s, self._epoch = track, place, queue_end_s, epoch
         self._sent.clear()
         self._held, self._retry_s, self._wait_s = None, -math.inf, -math.inf
@@ -224,23 +224,21 @@ class Planner:
             came = Probed(now.probed == TOUCHED, now.touch, now.joints)
             behind = self._track.answer(self._next.unit, came)
             self._note_touch(came, behind)
-            self._begin(self._track, Place(behind, 0.0), now.queue_end_s, now.epoch)
+            self._begin(self._track, TrackPlace(behind, 0.0), now.queue_end_s, now.epoch)
         return now.probing != TOUCHING
 
     def _note_touch(self, came: Probed, behind: int) -> None:
         """What came of the probing before that unit, for those who measure."""
         way, pause = self._track.at(behind - 2), self._track.at(behind - 1)
-        if way is None or pause is None:
+        if way is None or pause is None or way.stretch is None or pause.pause is None:
             return
-        if not (isinstance(way.what, Stretch) and isinstance(pause.what, Pause)):
+        if (probe := pause.pause.probe) is None or probe.away:
             return
-        if (probe := pause.what.probe) is None or probe.away:
-            return
-        places = [[q[i] for i in self._machine.linear()] for q in (way.what.start, way.what.end)]
+        places = [[q[i] for i in self._machine.linear()] for q in (way.stretch.start, way.stretch.end)]
         length = math.dist(*places)
         x, y, z = ((b - a) / length for a, b in zip(*places, strict=True))
-        feed_mm_s = way.what.feed_mm_s or 0.0
-        self.touches.append(Touch(pause.line, came, (x, y, z), pause.what.modal.tool, feed_mm_s))
+        feed_mm_s = way.stretch.feed_mm_s or 0.0
+        self.touches.append(Touch(pause.line, came, (x, y, z), pause.pause.modal.tool, feed_mm_s))
 
     def keepalive(self) -> None:
         """Tell the tick that the planner lives."""
@@ -264,7 +262,7 @@ class Planner:
             self.drop()
             self._epoch, self._queue_end_s = now.epoch, now.queue_end_s
         else:
-            self._begin(self._track, Place(number, now.s), now.queue_end_s, now.epoch)
+            self._begin(self._track, TrackPlace(number, now.s), now.queue_end_s, now.epoch)
 
     # --- where the program stands, off the path and back
 
@@ -282,10 +280,10 @@ class Planner:
             return None
         return self._track.program_spot(*place)
 
-    def _place(self, now: Snapshot) -> Place | None:
+    def _place(self, now: Snapshot) -> TrackPlace | None:
         return place_at(self._track, self._sent, self._next, self._epoch, now)
 
-    def _left(self, now: Snapshot) -> tuple[Track, Place] | None:
+    def _left(self, now: Snapshot) -> tuple[Track, TrackPlace] | None:
         place = self._place(now)
         return None if place is None else (self._track, place)
 
@@ -309,7 +307,7 @@ class Planner:
 
     def _lead(self, way: Track, now: Snapshot) -> None:
         """A way of its own takes the place of everything queued."""
-        self._begin(way, Place(0, 0.0), now.plan_time_s, now.epoch)
+        self._begin(way, TrackPlace(0, 0.0), now.plan_time_s, now.epoch)
         self._asked = self._sequence
 
     def _watch_aside(self, now: Snapshot) -> bool:
@@ -435,7 +433,9 @@ class Planner:
 # Where on the path the tick is, out of a snapshot and what it was sent.
 
 
-def place_at(track: Track, queue: Sequence[Sent], after: Place, epoch: int, now: Snapshot) -> Place | None:
+def place_at(
+    track: Track, queue: Sequence[Sent], after: TrackPlace, epoch: int, now: Snapshot
+) -> TrackPlace | None:
     """The place of the path at which the tick is, or stands; None where it is on none.
 
     ``queue``: what was sent for ``epoch``, and ``after`` it. A pause is begun again, also where
@@ -443,13 +443,13 @@ def place_at(track: Track, queue: Sequence[Sent], after: Place, epoch: int, now:
     """
     number = track.number_of(now.motion_id) if now.motion_id >= 0 else None
     if now.epoch != epoch or (number is not None and not now.at_rest):
-        return None if number is None else Place(number, now.s)
+        return None if number is None else TrackPlace(number, now.s)
     for sent in queue:
         unit = track.at(sent.first)
         past_s = now.plan_time_s - sent.end_s
-        pauses = unit is not None and isinstance(unit.what, Pause) and past_s < ROUNDING
+        pauses = unit is not None and unit.pause is not None and past_s < ROUNDING
         if pauses and number is not None and sent.first > number:
-            return Place(sent.first, 0.0)  # still to come: the clock is in a motion before it
+            return TrackPlace(sent.first, 0.0)  # still to come: the clock is in a motion before it
         if past_s < -ROUNDING or (pauses and unit is not None and unit.line == now.line):
             return sent.place_at(now.plan_time_s)
     return after if track.at(after.unit) is not None else None

@@ -8,19 +8,19 @@ rest, in a pause.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple, NoReturn
+from typing import ClassVar, NamedTuple, NoReturn
 
 import numpy as np
-import numpy.typing as npt
 
+from controller.geometry.arrays import Array
 from controller.geometry.curves import Arc, Line
 from controller.geometry.vectors import ROUNDING, Number, Vector, norm, subtract
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints
 from controller.messages import DEFAULT, LANGUAGES, Key, Message, text
-from controller.motion.motions import JointMove, Motion, Rotaries, ToolLine, ToolSpline
+from controller.motion.motions import JointMove, Motion, Rotaries, SurfaceCut, ToolLine, ToolSpline
 from controller.program.program import (
     ENABLED,
     UNSAID,
@@ -34,8 +34,6 @@ from controller.program.program import (
     Place,
     Probing,
 )
-
-Array = npt.NDArray[np.float64]
 
 STANDS_MM = 1e-6  # X Y Z, or a tip, that moves less stands: s is then the turn in degrees
 
@@ -84,6 +82,44 @@ class Stretch:
     hole: str = ""  # as ``JointLine.hole``
     share: tuple[float, float] = (0.0, 1.0)  # of its block, in the block's u, that a surface cut is
 
+    @property
+    def spline(self) -> ToolSpline | None:
+        """Its motion where that may be many lines of the program; None: it is of one."""
+        return self.motion if isinstance(self.motion, ToolSpline) else None
+
+    @property
+    def is_straight(self) -> bool:
+        """Whether X Y Z go straight on, or stand, while the rotaries turn evenly."""
+        return isinstance(self.motion, JointMove) and isinstance(self.motion.curve, Line)
+
+    @property
+    def cut(self) -> SurfaceCut | None:
+        """Its motion where the cutter follows a surface."""
+        return self.motion if self.cutting and isinstance(self.motion, SurfaceCut) else None
+
+    @property
+    def lines(self) -> Sequence[int]:
+        """The lines of the program that it is of, in order of their s."""
+        return (self.place.line,) if self.spline is None else self.spline.lines
+
+    @property
+    def lines_s(self) -> Sequence[float]:
+        """Where each of them begins."""
+        return (0.0,) if self.spline is None else self.spline.lines_s
+
+    @property
+    def line_orders(self) -> Sequence[int]:
+        """``Place.order`` of each."""
+        return (self.place.order,) if self.spline is None else self.orders or self.spline.lines
+
+    def line_at(self, s: float) -> int:
+        """The line of the program at a place of it."""
+        return self.place.line if self.spline is None else self.spline.line_at(s)
+
+    def order_at(self, s: float) -> int:
+        """``Place.order`` of that line."""
+        return self.place.order if self.spline is None else self.line_orders[self.spline.index_at(s)]
+
     def block_u(self, u: Number) -> Number:
         """The parameter of the block's whole surface at that of the motion's own."""
         return self.share[0] + (self.share[1] - self.share[0]) * u
@@ -104,7 +140,7 @@ class Stretch:
     @property
     def even_feed(self) -> float | None:
         """The same speed anywhere on it; None: it changes."""
-        if isinstance(self.motion, ToolSpline) or self.feed_steps or self.turning:
+        if self.spline is not None or self.feed_steps or self.turning:
             return None
         if self.feed_mm_s is None or not isinstance(self.motion, ToolLine):
             return math.inf if self.feed_mm_s is None else self.feed_mm_s
@@ -148,6 +184,11 @@ class Chain:
     first_id: int | None = None  # motion id of the first stretch; None: counted on
     optional_stops: frozenset[int] = frozenset()  # orders of the blocks with whose ends it stops if M1 does
 
+    @property
+    def place(self) -> Place:
+        """Where it begins."""
+        return self.stretches[0].place
+
 
 class Wait(NamedTuple):
     """How long the path clock is expected to stand in a pause; see ``plan/waits``."""
@@ -173,6 +214,7 @@ class Pause:
     lifts: Lifts | None = None  # guards that do not count in a step of a tool changer, and after it
     turns: bool = False  # a stop at which the operator switches the spindle as the modal state has it
     wait: Wait = field(default=Wait(), repr=False, compare=False)
+    stretches: ClassVar[tuple[Stretch, ...]] = ()  # as a chain has them
 
 
 @dataclass(frozen=True, slots=True)

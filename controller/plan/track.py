@@ -14,10 +14,9 @@ from dataclasses import dataclass, replace
 
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine
-from controller.motion.motions import ToolSpline
 from controller.motion.pieces import FIRST_MARK
 from controller.plan.feed import profile
-from controller.plan.restart.program_position import ENTRY_ID, FORMER, Spot, fraction_at, line_of, order_of
+from controller.plan.restart.program_position import ENTRY_ID, FORMER, Spot, fraction_at
 from controller.plan.restart.reentry import is_free
 from controller.plan.restart.tops import Tops
 from controller.plan.stretch import Chain, Pause, Stretch
@@ -47,6 +46,16 @@ class Unit:
     index: int = 0  # ... and which
 
     @property
+    def stretch(self) -> Stretch | None:
+        """None: it is a pause."""
+        return self.what if isinstance(self.what, Stretch) else None
+
+    @property
+    def pause(self) -> Pause | None:
+        """None: it is a stretch."""
+        return self.what if isinstance(self.what, Pause) else None
+
+    @property
     def line(self) -> int:
         return self.what.place.line
 
@@ -57,29 +66,24 @@ class Unit:
     @property
     def last_order(self) -> int:
         """That of the block with which it ends; a spline is many lines."""
-        return order_of(self.what, self.length) if isinstance(self.what, Stretch) else self.order
+        return self.order if self.stretch is None else self.stretch.order_at(self.length)
 
     @property
     def lines_end(self) -> Sequence[float]:
         """Places inside its motion where a line ends and the next begins."""
-        motion = self.what.motion if isinstance(self.what, Stretch) else None
-        return [s for s in motion.lines_s if 0.0 < s < motion.end] if isinstance(motion, ToolSpline) else ()
+        return [s for s in self.stretch.lines_s if 0.0 < s < self.length] if self.stretch else ()
 
     @property
     def optional_stops(self) -> Sequence[float]:
         """Those of them with an M1."""
         marks = self.chain.optional_stops if self.chain is not None else ()
-        if not marks or not isinstance(self.what, Stretch):
+        if not marks or (stretch := self.stretch) is None:
             return ()
-        return [
-            s
-            for s in self.lines_end
-            if _between(marks, order_of(self.what, s - TINY), order_of(self.what, s))
-        ]
+        return [s for s in self.lines_end if _between(marks, stretch.order_at(s - TINY), stretch.order_at(s))]
 
     @property
     def length(self) -> float:
-        return self.what.motion.end if isinstance(self.what, Stretch) else 0.0
+        return 0.0 if self.stretch is None else self.stretch.motion.end
 
 
 class Track:
@@ -122,15 +126,15 @@ class Track:
     def comes_free(self, number: int) -> bool:
         """Whether the motion before a unit, as far as it is known, leads beside the part alone."""
         known = list(itertools.islice(self._kept, max(0, number - self._first)))
-        before = next((unit.what for unit in reversed(known) if isinstance(unit.what, Stretch)), None)
+        before = next((unit.stretch for unit in reversed(known) if unit.stretch), None)
         return is_free(before) if before is not None else self._first == 0
 
     def lead_in(self, number: int, s: float, ways: Sequence[Stretch], joins: bool, first_id: int) -> None:
         """Lay ``ways`` before a unit, which then begins at ``s``; ``joins``: the last runs on into it."""
         unit, i = self._kept[number - self._first], number - self._first
-        self._kept[i] = replace(unit, begin=s) if isinstance(unit.what, Stretch) else unit
-        if joins and isinstance(unit.what, Stretch):
-            row, begins = (ways[-1], unit.what), (0.0, s)
+        self._kept[i] = replace(unit, begin=s) if unit.stretch else unit
+        if joins and unit.stretch:
+            row, begins = (ways[-1], unit.stretch), (0.0, s)
             runs = profile.split_at_stops(row, self._machine, self._kinematics, begins=begins)
             joins = len(runs) == 1
         self.laid += len(ways)
@@ -168,10 +172,10 @@ class Track:
         unit = self.at(number)
         if unit is None:
             return None
-        if unit.chain is None or not isinstance(unit.what, Stretch):
+        if unit.chain is None or unit.stretch is None:
             return Spot(unit.line, 0.0, FORMER)
-        share = 1.0 if unit.what.name == "lift" else fraction_at(unit.chain, unit.index, s)
-        return Spot(line_of(unit.what, s), share, unit.motion_id, s)
+        share = 1.0 if unit.stretch.name == "lift" else fraction_at(unit.chain, unit.index, s)
+        return Spot(unit.stretch.line_at(s), share, unit.motion_id, s)
 
     def forget(self, before: int) -> None:
         """What lies before that number is not asked for any more."""
@@ -190,8 +194,8 @@ class Track:
         else:
             self._kept.append(unit)
             self._note_top(unit.what)
-            if self._probes and isinstance(unit.what, Pause) and unit.what.ends:
-                self.waits = unit.what.probe
+            if self._probes and unit.pause and unit.pause.ends:
+                self.waits = unit.pause.probe
 
     def _note_top(self, what: Stretch | Pause) -> None:
         if isinstance(what, Stretch):
@@ -215,7 +219,7 @@ class Track:
                 if before is not None:
                     yield self._before(before, unit, joined)
                 before = unit
-                if isinstance(unit.what, Pause) and unit.what.ends:
+                if unit.pause and unit.pause.ends:
                     yield replace(unit, last=False)  # nobody knows yet what comes behind it
                     before = None
         except ProgramError:

@@ -13,14 +13,13 @@ from enum import Enum
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from controller.geometry.arrays import Array
 from controller.machine.kinematics import Kinematics
 from controller.motion.motions import JointMove
 from controller.plan.rotaries.branch import joints_along
 from controller.plan.stretch import Stretch
 
-Array = NDArray[np.float64]
 Ends = tuple[Array, Array]  # tips and tops, each (N, 3), table frame
 
 FIRST_SAMPLES, MAX_SAMPLES = 2001, 128_001

@@ -12,12 +12,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from controller.geometry.arrays import Array
 from controller.geometry.vectors import Frame, norm
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import OFFSETS, Machine, Tool
 from controller.motion.motions import SurfaceCut
 from controller.plan.stretch import Chain, Pause, Stretch
-from controller.post.chords import Array, Form, corners, poses
+from controller.post.chords import Form, corners, poses
 from controller.program.program import Act
 
 PLACES = {Form.TIP: "G43.4", Form.JOINTS: "G49"}
@@ -60,7 +61,7 @@ def _mode(items: Sequence[Chain | Pause], asked: Asked) -> str:
     """How corners are passed; the axis may be off by no more than the chord at the top of the flank."""
     if not asked.blend:
         return "G61"
-    stretches = (one for item in items if isinstance(item, Chain) for one in item.stretches)
+    stretches = (one for item in items for one in item.stretches)
     tallest = max(
         (_ruling_mm(one.motion) for one in stretches if isinstance(one.motion, SurfaceCut)), default=0.0
     )

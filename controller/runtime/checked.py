@@ -21,14 +21,7 @@ from controller.machine.model import TOOL_AT_POWER_ON, Joints, Machine
 from controller.messages import Message, message
 from controller.motion.motions import Rotaries
 from controller.plan.look_ahead import NoLaw
-from controller.plan.path import (
-    changed_rotaries,
-    path,
-    plunges,
-    spindle_by_hand,
-    spindle_off,
-    tool_changes,
-)
+from controller.plan.path import path, remarks, spindle_by_hand, tool_changes
 from controller.plan.report import duration, stored, survey
 from controller.plan.report.passing import Passing
 from controller.plan.report.stored import Stored
@@ -126,9 +119,9 @@ def path_of(
     if asked.typed:
         items = _switched_off(items)
     elif not dry_run_mm:
-        items = spindle_off.noted(items, source.machine, tracer.notes.append)
-        items = plunges.noted(items, asked.machine, asked.kinematics, tracer.notes.append)
-        items = changed_rotaries.noted(items, asked.machine, asked.start, tracer.notes.append)
+        items = remarks.standing_spindle(items, source.machine, tracer.notes.append)
+        items = remarks.plunges(items, asked.machine, asked.kinematics, tracer.notes.append)
+        items = remarks.changed_rotaries(items, asked.machine, asked.start, tracer.notes.append)
     if in_spindle is not None:
         note = tracer.notes.append
         before = None if asked.begin is None else modal.begun(asked.machine, asked.begin).modal
@@ -314,8 +307,7 @@ def _noted(walk: Walk, notes: Sequence[Note]) -> Walk:
 
 def stretches(walk: Walk) -> dict[int, Stretch]:
     """All stretches of a path by motion id: the planner counts them in the order of the path."""
-    chains = (item for item in walk.items if isinstance(item, Chain))
-    return dict(enumerate(stretch for chain in chains for stretch in chain.stretches))
+    return dict(enumerate(stretch for item in walk.items for stretch in item.stretches))
 
 
 def check(

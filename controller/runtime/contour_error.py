@@ -17,19 +17,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.geometry.arrays import Array
+from controller.geometry.arrays import Array, Flags
 from controller.geometry.passing_place import LOOK_BACK_S, passing
 from controller.ipc.handoff import COLUMN, of_axes
 from controller.machine.kinematics import Kinematics, kinematics_of
 from controller.machine.model import Machine
-from controller.plan.restart.program_position import order_of
 from controller.plan.stretch import Stretch
 from controller.plan.surfaces.cuts import tolerance_mm
 from controller.program.program import Block, Modal, ProgramError
 from controller.state.live_state import OFF_PATH
 from controller.verify.trace import forward
 
-Flags = NDArray[np.bool_]
 Whole = NDArray[np.int64]
 
 MAX_REPEATS = 2  # rows in which the position of a drive that moves was not heard: they show no error
@@ -72,7 +70,7 @@ class Demands:
         stretch = self._stretches.get(motion_id)
         if stretch is None or stretch.feed_mm_s is None:
             return None
-        order = order_of(stretch, s)
+        order = stretch.order_at(s)
         self._read(order)
         found = bisect_right(self._orders, order)
         return self._demands[max(0, found - 1)] if self._demands else None

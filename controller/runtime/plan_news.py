@@ -14,7 +14,7 @@ from controller.machine.model import Machine
 from controller.motion.motions import SurfaceCut
 from controller.plan.foresight import FIRST, Foresight
 from controller.plan.planner import Planner
-from controller.plan.restart.program_position import ENTRY_ID, LinePart, Spot, lines_along, order_of
+from controller.plan.restart.program_position import ENTRY_ID, LinePart, Spot, lines_along
 from controller.plan.stretch import Chain, Pause, Stretch
 from controller.plan.timetable import Timetable
 from controller.program.carried import InForce
@@ -63,7 +63,7 @@ class PathNotes:
             if isinstance(item, Chain):
                 number = number if item.first_id is None else item.first_id
                 for stretch in item.stretches:
-                    self._say(order_of(stretch, stretch.motion.end), number, None, stretch.place.order)
+                    self._say(stretch.order_at(stretch.motion.end), number, None, stretch.place.order)
                     number += 1
                 self._note_lines(item, 0.0 if inside else begun)
                 begun = begun if inside else 0.0

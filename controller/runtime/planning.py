@@ -20,11 +20,10 @@ from controller.messages import message, of_error, text
 from controller.plan import waits
 from controller.plan.foresight import Foresight, twice
 from controller.plan.off_path import Back
-from controller.plan.restart import reentry
 from controller.plan.restart.path_offset import beside
 from controller.plan.restart.program_position import FORMER, Spot
+from controller.plan.restart.reentry import Entrance, NotPossible
 from controller.plan.restart.restart import Rest
-from controller.plan.retract import NotPossible
 from controller.program.program import ProgramError
 from controller.runtime import children, cores, starts
 from controller.runtime.plan_end import EXPECTED, PLAN_TURN_S, REST_TURN_S, PlanEnd
@@ -196,7 +195,7 @@ class Planning:
         if order.program is not None:
             task = self._checks.task(order.program)
             fitted = starts.back(task, order.tool).fitted
-            reentry.see_free(now.joints, 0.0, fitted, task.kinematics)
+            Entrance(task.machine, task.kinematics, fitted).see_free(now.joints, 0.0)
         self._reporter.note(Turn(now.tick, order.distance_mm, "retract"))
         self._end.planner.retract(now, order.distance_mm)
         self._await_taken(order, now)

@@ -25,7 +25,7 @@ from controller.messages import message
 from controller.plan.off_path import Back
 from controller.plan.planner import Planner
 from controller.plan.restart.program_position import Spot
-from controller.plan.retract import NotPossible
+from controller.plan.restart.reentry import NotPossible
 from controller.plan.stretch import Chain, Pause
 from controller.program.program import ProgramError
 from controller.runtime import checked, events, starts

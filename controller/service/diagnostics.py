@@ -22,7 +22,7 @@ from drives.log.frame_log import FrameLog
 
 Rows = npt.NDArray[np.float64]
 
-MAX_ROWS = 500  # of one answer: 220 kB where nothing can be compressed
+MAX_ROWS = 500  # of one answer: 190 kB where nothing can be compressed
 NEWER = 64  # rows that the tick may write while the older ones are counted
 MEASURED_S = 1.0
 MAX_TICK = 2**53  # whole numbers of JSON end there

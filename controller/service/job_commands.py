@@ -8,7 +8,7 @@ from controller.commands.table import Request
 from controller.ipc.control_socket import Answer, CommandRefused, Values
 from controller.machine.macro_table import MACRO_ROLES
 from controller.machine.model import Machine
-from controller.plan.retract import RETRACT_MM_S
+from controller.plan.restart.reentry import RETRACT_MM_S
 from controller.service import jobs, preconditions, restart_preview, sequences, whole_status
 from controller.service.handler_context import HandlerContext
 from controller.service.preconditions import permitted

@@ -32,7 +32,6 @@ from controller.messages import Key, Message, chain, message, text
 from controller.plan.restart.program_position import AFTER_CHANGE, ENTRY_ID, FORMER, Spot
 from controller.program import carried
 from controller.state.modes import FAULTS, Mode, Reaction
-from controller.store import service_store
 from controller.store.service_store import ServiceStore
 
 DOCUMENT = "journal"  # in the store
@@ -151,8 +150,7 @@ def fitted_sha256(machine: Machine) -> tuple[str, str]:
 
 def write(entry: Entry, store: ServiceStore) -> None:
     """Returns when the disk has it, also a full one. Raises OSError."""
-    values = {"format": FORMAT, **asdict(entry), "spot": list(entry.spot)}
-    store.insist(lambda sql: service_store.put_document(sql, DOCUMENT, values))
+    store.keep(DOCUMENT, {"format": FORMAT, **asdict(entry), "spot": list(entry.spot)})
 
 
 def read(store: ServiceStore) -> Entry | None:

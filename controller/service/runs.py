@@ -307,16 +307,20 @@ def _read(state: Path, name: str, file: str) -> dict[str, Any]:
 
 
 def put_damaged_aside(state: Path) -> list[Message]:
-    """Ends of runs that cannot be read; what an alarm says of each. Such a run is lost from then on."""
+    """Beginnings and ends of runs that cannot be read; what an alarm says of each. Such a run is lost from
+    then on.
+    """
     found = []
     for name in own_files.names(state / FOLDER, state):
-        file = state / FOLDER / name / RUN
-        if os.path.lexists(file) and not _read(state, name, RUN):
+        end = state / FOLDER / name / RUN
+        for file in (end, end.with_name(BEGUN)):
+            if not os.path.lexists(file) or _read(state, name, file.name):
+                continue
             aside = own_files.put_aside(file, state)
             found.append(message("record_damaged", file=file, aside=aside.name if aside else "-"))
             with contextlib.suppress(OSError):
-                if not os.path.lexists(file):
-                    _write_facts(file, {**_of_name(name), **_ended(file.parent, state)})
+                if not os.path.lexists(end):
+                    _write_facts(end, {**_of_name(name), **_ended(end.parent, state)})
     return found
 
 

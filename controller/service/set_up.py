@@ -106,7 +106,7 @@ class SetUp:
 
     def _put(self, document: str, value: Any, alarm: str) -> None:
         try:
-            self._store.put(document, value)
+            self._store.keep(document, value)
         except OSError as error:
             self._alarms.add(alarm, message("not_written", path=self._store.file, why=error))
 

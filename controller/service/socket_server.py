@@ -54,7 +54,10 @@ class _Peer:
     def __init__(self, own: socket.socket) -> None:
         own.setblocking(False)
         own.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, BUFFER_BYTES)
-        self.socket, self.uid = own, of_socket(own)[0]
+        self.socket, self.user = (
+            own,
+            name_of(of_socket(own)[0]),
+        )  # asked once: it may be a directory's, far away
         self._lock = threading.Lock()
 
     def answer(self, number: int | str | None, outcome: Values | BaseException) -> None:
@@ -151,7 +154,7 @@ class Server:
         number = _number(said)
         try:
             verb, args = _verb_and_args(said)
-            with self._noted(verb, args, _asker(said, peer.uid), name_of(peer.uid)) as hear:
+            with self._noted(verb, args, _asker(said, peer.user), peer.user) as hear:
                 answer = self._handler(verb, args)
                 hear(answer)
         except Exception as error:  # one request's own mistake must not close the door for all
@@ -193,10 +196,10 @@ def _verb_and_args(said: Values | None) -> tuple[str, Values]:
     return verb, args
 
 
-def _asker(said: Values | None, uid: int) -> Asker:
+def _asker(said: Values | None, peer: str) -> Asker:
     """Raises CommandRefused."""
     try:
-        return of_request(said or {}, uid)
+        return of_request(said or {}, peer)
     except ValueError:
         raise refused("no_asker", code="bad", allowed=", ".join(ROLES)) from None
 

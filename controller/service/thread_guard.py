@@ -75,10 +75,10 @@ class ThreadGuard:
         self.save()
 
     def save(self) -> None:
-        """As it is now; what the disk does not take is saved with the next."""
+        """As it is now, on a full disk, too; what no disk takes is saved with the next."""
         self._saved = self.found
         with contextlib.suppress(OSError):
-            self._store.put(DOCUMENT, self.found and self.found._asdict())
+            self._store.keep(DOCUMENT, self.found and self.found._asdict())
 
 
 def taken(values: Any) -> InThread | None:

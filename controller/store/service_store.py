@@ -163,6 +163,10 @@ class ServiceStore:
         with self.write() as sql:
             put_document(sql, name, value)
 
+    def keep(self, name: str, value: Any) -> None:
+        """Likewise on a full disk, too. Raises OSError."""
+        self.insist(lambda sql: put_document(sql, name, value))
+
     def insist(self, work: Callable[[sqlite3.Connection], object]) -> None:
         """A transaction of what is to be kept on a full disk, too. Raises OSError.
 
@@ -250,9 +254,10 @@ class ServiceStore:
         """Raises sealed_file.Damaged, sqlite3.Error, OSError."""
         if not os.path.lexists(self.file) and (self._was_there or os.path.lexists(self._copy)):
             raise sealed_file.Damaged(message("sealed.gone"))
+        known = own_database.ahead(self.file)
         sql = own_database.opened(self.file)
         try:
-            if own_database.has_lost(sql, self.file):
+            if own_database.has_lost(sql, self.file, known):
                 ahead = self.file.with_name(f"{FILE}-wal")
                 aside = own_files.aside(ahead)
                 atomic_file.write(aside, own_files.read_bytes(ahead), mode=own_database.MODE)
@@ -384,7 +389,7 @@ def in_memory(file: Path | None) -> sqlite3.Connection:
 
 
 def _empty() -> sqlite3.Connection:
-    return sqlite3.connect(":memory:", isolation_level=None)
+    return sqlite3.connect(":memory:", isolation_level=None, factory=own_database.Connection)
 
 
 def _loaded(file: Path) -> sqlite3.Connection:

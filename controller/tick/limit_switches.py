@@ -47,7 +47,7 @@ class End:
     """One switch. Read: ``index`` (of its axis), ``bit`` (of the inputs), ``sense`` (1: above)."""
 
     def __init__(self, index: int, bit: int, sense: float, give: float, most: float) -> None:
-        """``give``, and ``most`` that the axis moves in a tick: mm or rad."""
+        """``give``, and ``most`` that the axis moves between two positions: mm or rad."""
         self.index, self.bit, self.sense = index, bit, sense
         self._give, self._most = give, most
         self._at, self._gone = math.nan, 0.0
@@ -68,7 +68,7 @@ def _ends(machine: Machine, index: int, axis: Axis, period_s: float) -> list[End
     if axis.limit_inputs is None or machine.io is None:
         return []
     per = axis.shown_per_unit
-    give, most = GIVE / abs(per), 2.0 * axis.limits.velocity * period_s
+    give, most = GIVE / abs(per), 2.0 * axis.limits.velocity * period_s * axis.feedback_every
     senses = ((axis.limit_inputs.lower, -1.0), (axis.limit_inputs.upper, 1.0))
     rows = [(machine.io.input(name), math.copysign(sense, sense * per)) for name, sense in senses if name]
     return [End(index, 1 << bit, sense, give, most) for bit, sense in rows if bit is not None]

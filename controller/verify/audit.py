@@ -42,7 +42,7 @@ class Watched:
     def __iter__(self) -> Iterator[Chain | Pause]:
         number, ways = count(), 0
         for item in self._items:
-            for stretch in item.stretches if isinstance(item, Chain) else ():
+            for stretch in item.stretches:
                 k, is_cut = next(number), isinstance(stretch.motion, SurfaceCut)
                 ways += not is_cut
                 if is_cut or ways <= MAX_WAYS:

@@ -20,19 +20,16 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import BSpline, CubicSpline
 from scipy.optimize import linprog
 
-from controller.geometry.arrays import columns
+from controller.geometry.arrays import Array, columns
 from controller.geometry.placement import AT_LOWER, Placed
 from controller.geometry.surfaces import Surface
 from controller.geometry.vectors import Vector
 from controller.verify.console import say
 from controller.verify.judge import INSIDE
 from controller.verify.nominal import Nominal, grid
-
-Array = NDArray[np.float64]
 
 CONTROLS, DEGREE = 12, 3
 POINTS = (49, 11)  # along and across

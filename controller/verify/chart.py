@@ -13,6 +13,7 @@ COLOURS = ("#0b5cad", "#b3470b", "#2c7a2c", "#7b3aa5", "#8a6d00", "#00727a")
 DASHES = ("", "6 3", "2 3", "8 3 2 3", "1 2", "10 4")
 GREY = "#bbb"
 MARKS = 6  # of a scale, about
+MAX_FINE_DECADES = 4  # with marks between their powers of ten
 STEPS = (1.0, 2.0, 5.0, 10.0)
 
 
@@ -46,7 +47,8 @@ class Scale:
         """Round values on it."""
         if self.is_log:
             first, last = math.floor(math.log10(self.low)), math.ceil(math.log10(self.high))
-            found = [step * 10.0**n for n in range(first, last + 1) for step in STEPS[:3]]
+            steps = STEPS[:3] if last - first <= MAX_FINE_DECADES else STEPS[:1]
+            found = [step * 10.0**n for n in range(first, last + 1) for step in steps]
         else:
             rough = (self.high - self.low) / MARKS or 1.0
             power = 10.0 ** math.floor(math.log10(rough))
@@ -62,7 +64,27 @@ def lines(title: str, words: tuple[str, str], drawn: Sequence[Line], log_x: bool
         return ""
     x = Scale(*_span([v for one in drawn for v in one.x]), LEFT, WIDTH - RIGHT, log_x)
     y = Scale(*_padded([v for one in drawn for v in one.y]), HEIGHT - BOTTOM, TOP)
-    return svg(title, [*_frame(x, y, words), *_curves(drawn, x, y)])
+    return on_scales(title, words, drawn, x, y)
+
+
+def on_scales(
+    title: str, words: tuple[str, str], drawn: Sequence[Line], x: Scale, y: Scale, more: str = ""
+) -> str:
+    """The same on scales that are given, from ``LEFT`` to ``WIDTH - RIGHT`` and from ``HEIGHT - BOTTOM`` to
+    ``TOP``.
+
+    ``more``: elements under the lines, such as a ``limit``.
+    """
+    return svg(title, [*_frame(x, y, words), more, *_curves(drawn, x, y)])
+
+
+def limit(scale: Scale, value: float, words: str) -> str:
+    """A line across the picture at a value of one of its scales, with its name."""
+    at, is_level = scale.at(value), scale.begin > scale.end
+    x1, x2, y1, y2 = (LEFT, WIDTH - RIGHT, at, at) if is_level else (at, at, TOP, HEIGHT - BOTTOM)
+    place = f'x1="{x1:.1f}" y1="{y1:.1f}" x2="{x2:.1f}" y2="{y2:.1f}"'
+    name = text(LEFT + 6, at - 5, words, "start") if is_level else text(at - 6, TOP + 14, words, "end")
+    return f'<line class="limit" {place} stroke="#c00" stroke-width="1.2"/>{name}'
 
 
 def circle(title: str, words: tuple[str, str], drawn: Sequence[Line]) -> str:
@@ -73,8 +95,7 @@ def circle(title: str, words: tuple[str, str], drawn: Sequence[Line]) -> str:
     size = max(abs(v) for one in drawn for v in (*one.x, *one.y)) * 1.05
     half = 0.5 * (HEIGHT - TOP - BOTTOM)
     x = Scale(-size, size, WIDTH / 2 - half, WIDTH / 2 + half)
-    y = Scale(-size, size, HEIGHT - BOTTOM, TOP)
-    return svg(title, [*_frame(x, y, words), *_curves(drawn, x, y)])
+    return on_scales(title, words, drawn, x, Scale(-size, size, HEIGHT - BOTTOM, TOP))
 
 
 def _span(values: Sequence[float]) -> tuple[float, float]:
@@ -91,13 +112,17 @@ def _frame(x: Scale, y: Scale, words: tuple[str, str]) -> Iterator[str]:
     for mark in y.marks():
         at = y.at(mark)
         yield f'<line x1="{x.begin:.1f}" y1="{at:.1f}" x2="{x.end:.1f}" y2="{at:.1f}" stroke="{GREY}"/>'
-        yield text(x.begin - 6, at + 4, f"{mark:.4g}", "end")
+        yield text(x.begin - 6, at + 4, _figure(mark), "end")
     for mark in x.marks():
         at = x.at(mark)
         yield f'<line x1="{at:.1f}" y1="{y.begin}" x2="{at:.1f}" y2="{y.begin + 5}" stroke="#111"/>'
-        yield text(at, y.begin + 18, f"{mark:.4g}", "middle")
+        yield text(at, y.begin + 18, _figure(mark), "middle")
     yield text((x.begin + x.end) / 2, HEIGHT - 8, words[0], "middle")
     yield text(x.begin, TOP - 12, words[1], "start")
+
+
+def _figure(mark: float) -> str:
+    return f"{mark:.0f}" if abs(mark) >= 1000.0 else f"{mark:.4g}"
 
 
 def _curves(drawn: Sequence[Line], x: Scale, y: Scale) -> Iterator[str]:

@@ -17,11 +17,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.geometry.arrays import distinct
+from controller.geometry.arrays import Array, distinct
 from controller.machine.tool_profile import Body
 from controller.verify.sweep import Around, Sweep
 
-Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 PATCH = 96  # points that are searched at once

@@ -11,15 +11,13 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from controller.geometry.arrays import Array
 from controller.geometry.placement import Strategy
 from controller.machine.model import JOINT_TOLERANCE_DEG
 from controller.plan.report.verdict import Verdict
 from controller.verify.looks import SurfaceGrid
 from controller.verify.nominal import Nominal, peaks
-
-Array = NDArray[np.float64]
 
 SURE_SHARE = 0.5  # of the tolerance: what is off by less on the grid is not zoomed into
 LIKELY_SHARE = 0.1  # the same, beside a pivot

@@ -23,7 +23,6 @@ from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from controller.geometry.vectors import Vector
 from controller.machine.model import Tool, WorkTable
@@ -39,8 +38,6 @@ from controller.verify.nominal import Nominal
 from controller.verify.passes import extent_mm, height_mm
 from controller.verify.sweep import Pass, Sweep
 from controller.workers import Spread, here
-
-Array = NDArray[np.float64]
 
 KINDS = ("hollow", "overcut", "own cut", "other motion", *NOT_CUT, "table")
 END = "end"  # told, and no gouge

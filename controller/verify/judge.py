@@ -16,9 +16,8 @@ from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from controller.geometry.arrays import columns, distinct
+from controller.geometry.arrays import Array, Flags, columns, distinct
 from controller.geometry.vectors import Vector
 from controller.machine.model import Tool
 from controller.machine.tool_profile import cutter
@@ -27,9 +26,6 @@ from controller.verify.nominal import Nominal, grid, peaks
 from controller.verify.passes import height_mm
 from controller.verify.sweep import Pass, Sweep
 from controller.workers import Spread, here
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 INSIDE = (0.02, 0.98)  # of u: without the ends
 SETTLED_MM = 1e-4  # change of the largest deviation from one grid to the next

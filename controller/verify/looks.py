@@ -29,16 +29,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.geometry import arc_length
-from controller.geometry.arrays import distinct
+from controller.geometry.arrays import Array, Flags, distinct
 from controller.geometry.curves import ArcLength
 from controller.machine.model import Tool
 from controller.machine.tool_profile import Body, blunt, cutter, flank
 from controller.verify.envelope import PATCH, at_least, deviation, nearest
 from controller.verify.nominal import Nominal, grid
 from controller.verify.sweep import Pass, Sweep
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 AT_JOINTS = ("cut", "pivot")  # motions that a concave corner within the joint tolerance is cut by
 MIN_MM = 1e-3  # depths below are no gouge

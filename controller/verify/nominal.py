@@ -8,14 +8,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.geometry.arrays import columns
+from controller.geometry.arrays import Array, columns
 from controller.geometry.placement import Strategy
 from controller.geometry.surfaces import Surface
 from controller.geometry.vectors import Frame, Vector
 from controller.machine.model import Tool
 from controller.memory import remembered
 
-Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 ALONG, ACROSS = 257, 9  # of the table of lengths and of the bounds

@@ -24,9 +24,9 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from controller.geometry import arc_length
+from controller.geometry.arrays import Array
 from controller.geometry.curves import Bezier, Polynomial
 from controller.geometry.surfaces import Cone, RuledSurface, Surface
 from controller.geometry.vectors import Pose, Vector, angle_between, dot, norm, subtract
@@ -34,8 +34,6 @@ from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
 from controller.messages import message, text
 from controller.motion.motions import SurfaceCut
-
-Array = NDArray[np.float64]
 
 FEED_MM_S = 20.0
 PAPER_PERIOD_S = 0.010

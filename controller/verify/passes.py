@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.geometry.arrays import distinct
+from controller.geometry.arrays import Array, distinct
 from controller.geometry.placement import Strategy
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine, Tool
@@ -29,8 +29,6 @@ from controller.program.program import Block
 from controller.verify.nominal import Nominal
 from controller.verify.sweep import FIT_MM, Pass, Poses, sampled
 from controller.verify.trace import Trace, forward
-
-Array = NDArray[np.float64]
 
 ROUGH_MM = 0.5  # step of the first look at a pass
 NEAR_MM = 1.0  # a pass that stays this far from every surface is not looked at closely

@@ -15,9 +15,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.geometry.arrays import distinct
+from controller.geometry.arrays import Array, distinct
 
-Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 Poses = Callable[[Array], tuple[Array, Array]]  # places s (N,) -> tips (N, 3), unit axes (N, 3)
 

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller import npz
-from controller.geometry.arrays import columns, distinct
+from controller.geometry.arrays import Array, columns, distinct
 from controller.geometry.passing_place import LOOK_BACK_S, passing
 from controller.geometry.placement import Placed
 from controller.geometry.vectors import Frame, Number, angle_between, scale, subtract
@@ -34,8 +34,6 @@ from controller.machine.plain import plain
 from controller.messages import TextError, message
 from controller.motion.motions import Motion, SurfaceCut
 from controller.state.modes import MAX_AXES, Mode
-
-Array = NDArray[np.float64]
 
 LOOK_AHEAD_TICKS = 2
 

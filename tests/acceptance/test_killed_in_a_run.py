@@ -13,24 +13,30 @@ from __future__ import annotations
 
 import os
 import random
+import shutil
 import signal
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from support import stored_journal
+from support.fakes.fake_engine import served
 from support.live.live_machines import gone, until
 from support.live.replayed_runs import Again, again, assert_cut, assert_same_setpoints, facts, records
 from support.live.served_machine import ROOT, Serving, Values, calm, calm_machine, serving
+from support.machines.interrupted_runs import fresh, rest_of, resumed
 from support.machines.stepped_runs import program
 
 from controller import messages
 from controller.ipc.handoff import COLUMN
+from controller.machine import setup_data
 from controller.plan.restart.program_position import ENTRY_ID, Spot
+from controller.service import restart_preview, runs
 from controller.service.journal import Entry
 from controller.state.modes import Mode
 
@@ -133,15 +139,18 @@ def places(rows: np.ndarray) -> list[tuple[int, float]]:
     return [(int(row[COLUMN["motion_id"]]), float(row[COLUMN["s"]])) for row in rows]
 
 
-def assert_at_or_before(entry: Entry, first: Again) -> None:
-    """The restart begins at or before where the tool was led, and costs at most a second of cut."""
+def assert_at_or_before(entry: Entry, first: Again, until_then: Again | None = None) -> None:
+    """The restart begins at or before where the tool was led, and costs at most a second of the cut
+    ``until_then``.
+    """
     rows = program_rows(first)
     gone = places(rows)
     if not gone:
         return  # on the way into the program
     begin = (entry.spot.motion_id, entry.spot.s)
     assert begin <= gone[-1], (begin, gone[-1])
-    again_s = sum(place > begin for place in gone) * first.stepped.machine.period_s
+    cut = gone if until_then is None else places(program_rows(until_then))
+    again_s = sum(place > begin for place in cut) * first.stepped.machine.period_s
     assert again_s <= MAX_LOST_S, again_s
 
 
@@ -251,6 +260,35 @@ def test_a_power_loss_costs_at_most_a_second_of_cut_and_starts_nothing(
         assert "home all of them first" in error.sentence
         service.home()
         assert_rest(finish(service), entry)
+
+
+def test_a_folder_copied_in_a_cut_is_gone_on_with_elsewhere(
+    service: Serving, tmp_path: Path, instant: float
+) -> None:
+    """As a back-up of the disk has it, file by file while the machine cuts on."""
+    done = len(records(service.state))
+    ticks = [until_in(service, min(instant, WAY_OFF))["tick"]["number"]]
+    shutil.copytree(service.state, tmp_path / "state")
+    ticks.append(service.status()["tick"]["number"])
+    service.ask("stop")
+    service.ended()
+    service.until(lambda _: len(records(service.state)) > done, "the record")
+    folder = records(service.state)[-1]
+    whole, first_tick = again(folder, TEXT, MACHINE), facts(folder)["first_tick"]
+    assert_same_setpoints(whole)
+    begun, copied = (replace(whole, live=whole.live[: max(0, tick - first_tick)]) for tick in ticks)
+    other = served(tmp_path, setup_data.noted(tmp_path / "state"))
+    try:
+        runs.lose(other.state)
+        entry = other.journal.last
+        assert entry is not None and not entry.ended and not other.alarms.list()
+        job = restart_preview.gone_on_with(other, {"path": str(other.state / "part.ngc"), "name": "part.ngc"})
+    finally:
+        other.close()
+    assert job.program.spot == entry.spot
+    assert_at_or_before(entry, copied, begun)
+    rest = resumed(fresh(MACHINE), rest_of(TEXT, entry.spot, MACHINE), in_spindle=2)
+    assert_cut(Again(rest.run, rest.stepped, np.empty((0, 5))), TEXT, entry.spot)
 
 
 @pytest.mark.parametrize("role", ("plan", "tick", "service"))

@@ -28,8 +28,9 @@ from support.suite.seed import SEED
 
 from controller.ipc.handoff import COLUMN
 from controller.machine import machine_file
+from controller.machine.compensation import reserved
 from controller.machine.deviation_tables import Pitch
-from controller.machine.model import Machine
+from controller.machine.model import Limits, Machine
 from controller.program.program import ProgramError
 from controller.runtime.bus_load import overload
 from controller.runtime.startup import SessionError
@@ -94,26 +95,27 @@ TILTED = {
 }
 
 
-def machine_of(rng: random.Random, name: str) -> Machine:
-    """At a period that its buses carry, with a stock of some length."""
+def machine_of(rng: random.Random, name: str) -> tuple[Machine, list[Limits]]:
+    """At a period that its buses carry, with a stock of some length; the limits of its file."""
     made = replace(tapping.machine(), gouge="warn") if name == TAPS else shipped(name)
     period_s = rng.choice(PERIODS_S)
     if period_s is not None and not overload(machine_file.with_period(made, period_s)):
         made = machine_file.with_period(made, period_s)
+    limits = [axis.limits for axis in made.axes]
     made = with_tables(rng, made) if rng.random() < MEASURED else made
     stock_s = 0.016 if name == TAPS else rng.choice(STOCKS_S)
-    return replace(made, stock_s=stock_s, late=rng.choice(("stop", "count")))
+    return replace(made, stock_s=stock_s, late=rng.choice(("stop", "count"))), limits
 
 
 def in_time(rng: random.Random, name: str) -> Healthy:
     """A run that comes to its end, and is not too long."""
     for _ in count():
-        machine = machine_of(rng, name)
+        machine, limits = machine_of(rng, name)
         kinds = {**FLAT, **TILTED} if machine.rotary() else FLAT
         write = tapped if name == TAPS else kinds[rng.choice(sorted(kinds))]
         motor = turning(rng) if name == TAPS else None
         with contextlib.suppress(ProgramError, SessionError):
-            made = Healthy(machine, write(rng, machine), motor=motor)
+            made = Healthy(machine, write(rng, machine), limits, motor=motor)
             if made.run.result == "completed" and made.ticks <= LONGEST:
                 return made
     raise AssertionError
@@ -140,11 +142,17 @@ TEXTS = {
 }
 
 
+def with_play(text: str) -> Healthy:
+    """A run on three axes that have play."""
+    made, play = shipped("three_axes"), Pitch((-250.0, 250.0), (-0.015, -0.015), (0.015, 0.015))
+    machine = replace(made, axes=reserved([replace(axis, pitch=play) for axis in made.axes]), stock_s=0.016)
+    whole = f"G21 G90 G54 G61\nG0 X0 Y0 Z50\n{text}\nM30\n"
+    return Healthy(machine, whole, [axis.limits for axis in made.axes])
+
+
 def test_late_ticks_where_axes_turn_back_with_play() -> None:
     """How far a reversal has come is another along a stop than in time: between them is no step."""
-    made, play = shipped("three_axes"), Pitch((-250.0, 250.0), (-0.015, -0.015), (0.015, 0.015))
-    machine = replace(made, axes=tuple(replace(axis, pitch=play) for axis in made.axes), stock_s=0.016)
-    healthy = Healthy(machine, "G21 G90 G54 G61\nG0 X0 Y0 Z50\nG1 X10 F6000\nG3 I-10.\nM30\n")
+    healthy = with_play("G1 X10 F6000\nG3 I-10.")
     late = late_runs.Late("one beyond", {1: 0.06}, {})
     verdicts = list(late_runs.cases(healthy, [(fork, late) for fork in range(524, 660, 16)]))
     assert [one.wrongs for one in verdicts] == [[]] * len(verdicts)
@@ -152,9 +160,7 @@ def test_late_ticks_where_axes_turn_back_with_play() -> None:
 
 def test_late_ticks_where_axes_rest_before_they_have_turned_back() -> None:
     """What is left of a reversal where the plan rests is no step either, once a tick comes."""
-    made, play = shipped("three_axes"), Pitch((-250.0, 250.0), (-0.015, -0.015), (0.015, 0.015))
-    machine = replace(made, axes=tuple(replace(axis, pitch=play) for axis in made.axes), stock_s=0.016)
-    healthy = Healthy(machine, "G21 G90 G54 G61\nG0 X0 Y0 Z50\nG1 X10 F6000\nX9.95\nG4 P0.3\nX10\nM30\n")
+    healthy = with_play("G1 X10 F6000\nX9.95\nG4 P0.3\nX10")
     late = late_runs.Late("one beyond", {1: 0.06}, {})
     begin, *_, end = np.flatnonzero(healthy.run.rows[:, COLUMN["line"]] == 4).tolist()
     verdicts = list(late_runs.cases(healthy, [(n, late) for n in range(begin - 20, end + 10, 4)]))

@@ -15,7 +15,7 @@ from controller.geometry.vectors import add, norm, scale, subtract, unit
 from controller.ipc.handoff import COLUMN, of_axes
 from controller.machine.kinematics import kinematics_of
 from controller.plan.restart.program_position import Spot
-from controller.plan.retract import NotPossible
+from controller.plan.restart.reentry import NotPossible
 from controller.program.program import ProgramError
 from controller.runtime import checked, replay
 from controller.state.modes import Fault, Mode, Request

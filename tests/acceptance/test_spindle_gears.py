@@ -6,15 +6,13 @@ from functools import cache
 from itertools import pairwise
 
 import pytest
-from support.machines.spindle_machine import IO, SLOWER, SPINDLE, Mill, mill
+from support.machines.spindle_machine import IO, SLOWER, SPINDLE, Mill, inverters, mill
 
 from controller.machine.model import Machine
 from controller.machine.toml_table import ConfigError
 from controller.program.program import ProgramError
-from controller.runtime.bench import surroundings
 from controller.runtime.events import Event
 from controller.state.modes import Fault, Request
-from drives.bench.simulated.inverter import Inverter
 
 LOW_IN, HIGH_IN, LOW, HIGH, RUN = 4, 5, 4, 5, 6
 LINES = IO.replace("estop", f"low_in = {LOW_IN}, high_in = {HIGH_IN}, estop").replace(
@@ -67,14 +65,8 @@ class Turned(Mill):
     """What turns the spindle, tick by tick; 1/min."""
 
     def __init__(self, made: Machine, monkeypatch: pytest.MonkeyPatch) -> None:
-        inverters: list[Inverter] = []
-
-        def noted(*args: object) -> None:
-            inverters.append(Inverter(*args))  # type: ignore[arg-type]
-
-        monkeypatch.setattr(surroundings, "Inverter", noted)
         self.motor: list[float] = []
-        self.inverters = inverters
+        self.inverters = inverters(monkeypatch)
         super().__init__(made)
         self.motor.clear()
         self.seen.clear()

@@ -9,14 +9,12 @@ another computer.
 from __future__ import annotations
 
 import asyncio
-import base64
 import contextlib
 import multiprocessing
 import os
 import sys
 import tempfile
 import time
-import zlib
 from collections.abc import AsyncIterator
 from multiprocessing.synchronize import Event
 from pathlib import Path
@@ -34,6 +32,7 @@ from support.suite.figures import Figure, Report  # noqa: E402
 
 from controller.ipc.control_socket import Client, control_path  # noqa: E402
 from controller.ipc.handoff import COLUMN  # noqa: E402
+from controller.ipc.packed_rows import unpacked  # noqa: E402
 
 LISTENERS, PER_S = 20, 100
 SETTLE_S = 1.0  # after a change of the load
@@ -111,10 +110,7 @@ def lateness_s(door: Client, after: int) -> tuple[np.ndarray, int]:
     now, found = door.ask("status"), []
     last = int(now["tick"]["number"])
     while after < last:
-        said = door.ask("rows", after=after)
-        rows = np.frombuffer(zlib.decompress(base64.b64decode(said["rows"])), "<f8").reshape(
-            -1, said["columns"]
-        )
+        rows = unpacked(door.ask("rows", after=after))
         found.append(rows[rows[:, COLUMN["tick"]] <= last])
         after = int(rows[-1, COLUMN["tick"]])
     rows = np.concatenate(found)

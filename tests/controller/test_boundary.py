@@ -10,38 +10,23 @@ import contextlib
 import os
 import shutil
 import tempfile
-import traceback
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from support.fakes import cutting_service
 from support.fakes.fake_engine import served
+from support.suite.other_user import GROUP, PANEL, SERVICE, ends_well, needs_root
 
 from controller.api import own_folder
+from controller.api.routes import bring_up
 from controller.api.store import Store, StoreError
 from controller.api.uploads import UploadLimits
 from controller.plan.report import stored
 
-SERVICE, PANEL, GROUP = 64001, 64002, 64000
-pytestmark = pytest.mark.skipif(os.geteuid() != 0, reason="a second user takes root to make")
+pytestmark = needs_root
 Tries = Callable[[Path, Path], object]  # of a victim, with a file of the panel's
-
-
-def as_user(user: int, do: Callable[[], object]) -> bool:
-    """Whether a process of a user that does it ends without an error."""
-    if (child := os.fork()) == 0:
-        try:
-            os.setgroups([])
-            os.setgid(GROUP)
-            os.setuid(user)
-            os.umask(0o027)
-            do()
-            os._exit(0)
-        except BaseException:
-            traceback.print_exc()
-            os._exit(1)
-    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
 
 
 @pytest.fixture(scope="module")
@@ -140,7 +125,7 @@ def test_nothing_of_the_controller_or_of_root_is_changed(state: Path, tries: str
                 continue
             raise AssertionError(f"{tries}: {victim}")
 
-    assert len(victims) > 10 and as_user(PANEL, attack)
+    assert len(victims) > 10 and ends_well(PANEL, attack)
     assert of_others(state) == before
 
 
@@ -157,8 +142,19 @@ def test_the_panel_works_in_its_folder_and_the_controller_reads_programs_there(s
         for program in (own_folder.of(state) / "programs").glob("*.ngc"):
             assert program.read_bytes()
 
-    assert as_user(PANEL, upload) and as_user(SERVICE, read)
-    assert not as_user(SERVICE, lambda: (own_folder.of(state) / "programs" / "x").write_text(""))
+    assert ends_well(PANEL, upload) and ends_well(SERVICE, read)
+    assert not ends_well(SERVICE, lambda: (own_folder.of(state) / "programs" / "x").write_text(""))
+
+
+def test_the_protocol_of_a_bring_up_at_the_page_is_kept_where_the_panel_may_write(state: Path) -> None:
+    def skips() -> None:
+        with contextlib.closing(Store(state)) as store:
+            protocol, steps = bring_up._opened(SimpleNamespace(store=store))
+            protocol.skip(steps[0].name, "It is not wired.")
+            again, _ = bring_up._opened(SimpleNamespace(store=store))
+            assert [*again.done] == [steps[0].name]
+
+    assert ends_well(PANEL, skips)
 
 
 def test_a_check_that_the_panel_has_forged_is_none_that_a_start_goes_by(state: Path) -> None:
@@ -168,7 +164,7 @@ def test_a_check_that_the_panel_has_forged_is_none_that_a_start_goes_by(state: P
     file = stored.save(stored.Stored(1, 1.0, 1, {}), key, own)
     for user, counts in ((SERVICE, True), (PANEL, False)):
         os.chown(file, user, GROUP)
-        assert as_user(SERVICE, lambda counts=counts: _is_found(key, own, counts))
+        assert ends_well(SERVICE, lambda counts=counts: _is_found(key, own, counts))
 
 
 def _is_found(key: str, where: Path, counts: bool) -> None:
@@ -199,7 +195,7 @@ def test_a_folder_of_before_is_parted_by_root_and_not_by_the_panel(state: Path) 
         with pytest.raises(StoreError):
             Store(state)
 
-    assert as_user(PANEL, opens)
+    assert ends_well(PANEL, opens)
     own = own_folder.of(state)
     own.mkdir()
     os.chown(own, PANEL, GROUP)
@@ -217,7 +213,7 @@ def test_a_folder_of_before_is_parted_by_root_and_not_by_the_panel(state: Path) 
             assert [one.name for one in store.programs.list()] == ["a.ngc"]
             assert [one.name for one in store.users.all()] == ["anna"] and store.users.lost is None
 
-    assert as_user(PANEL, reads)
+    assert ends_well(PANEL, reads)
 
 
 @pytest.mark.parametrize("done", [0, 1, 2])

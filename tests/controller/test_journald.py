@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
+import os
 import socket
 import struct
 from collections.abc import Iterator
@@ -26,7 +28,8 @@ def journal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[socket.
     """The journal's own end."""
     root = logging.getLogger()
     handlers, level = root.handlers[:], root.level
-    monkeypatch.setenv("JOURNAL_STREAM", "8:1")
+    stderr = os.fstat(2)
+    monkeypatch.setenv("JOURNAL_STREAM", f"{stderr.st_dev}:{stderr.st_ino}")
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as end:
         end.bind(str(tmp_path / "socket"))
         end.settimeout(20.0)
@@ -78,6 +81,21 @@ def test_a_journal_that_is_full_or_gone_keeps_nobody_waiting(journal: socket.soc
         logging.error("%d %s", number, "x" * 1000)
     journal.close()
     logging.error("nobody hears it")
+
+
+def test_a_line_that_cannot_be_made_ends_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with contextlib.closing(journald.Journal(str(tmp_path / "socket"))) as handler:
+        handler.handle(logging.LogRecord("a", logging.ERROR, "a.py", 1, "%d of them", ("many",), None))
+    assert "many" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("inherited", [None, "8:1"])
+def test_a_log_of_a_terminal_stays_there(inherited: str | None, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also of a desktop's, which has the variable of whatever has started it."""
+    monkeypatch.delenv("JOURNAL_STREAM", raising=False)
+    if inherited is not None:
+        monkeypatch.setenv("JOURNAL_STREAM", inherited)
+    assert not journald.use("/nowhere") and not journald.in_use()
 
 
 def test_a_clock_that_is_set_changes_no_age_and_no_duration(

@@ -16,7 +16,6 @@ import sqlite3
 import struct
 import tempfile
 import time
-import traceback
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -27,6 +26,7 @@ from support.fakes import cutting_service
 from support.fakes.fake_engine import FakeEngine, served
 from support.machines.stepped_runs import shipped
 from support.machines.stored_tools import StoredTools
+from support.suite.other_user import GROUP, PANEL, SERVICE, ends_well, needs_root
 from typer.testing import CliRunner
 
 from controller import atomic_file, own_database, own_files
@@ -54,8 +54,6 @@ from controller.state.setpoints import SETPOINTS
 from controller.store import service_store, set_up_store, tool_store
 from controller.store.service_store import ServiceStore
 
-SERVICE, PANEL, GROUP = 64001, 64002, 64000
-needs_root = pytest.mark.skipif(os.geteuid() != 0, reason="a second user takes root to make")
 Do = Callable[[Path, Path], object]
 
 
@@ -363,22 +361,6 @@ def test_nothing_beside_or_in_the_place_of_a_database_is_written_through(
     with unharmed(outside):
         for do in (VERBS["users add"], VERBS["upload"], DONE["tools"], VERBS["save"]):
             _refused(do, state, outside)
-
-
-def ends_well(user: int, do: Callable[[], object]) -> bool:
-    """Whether a process of a user that does it ends without an error."""
-    if (child := os.fork()) == 0:
-        try:
-            os.setgroups([])
-            os.setgid(GROUP)
-            os.setuid(user)
-            os.umask(0o007)
-            do()
-            os._exit(0)
-        except BaseException:
-            traceback.print_exc()
-            os._exit(1)
-    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
 
 
 @needs_root

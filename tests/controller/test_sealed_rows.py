@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from support.faults.harm import harmed, times
 from support.machines.stored_tools import StoredTools
 from support.suite.seed import SEED
 
@@ -72,21 +73,18 @@ def of_tools(tools: StoredTools) -> Any:
     return tools.spindle, dict(tools.places), tools.step, tools.log()
 
 
-def flips(file: Path, times: int, rng: random.Random) -> Iterator[bytes]:
-    """Bits turned over where there is something."""
+def harms(file: Path, count: int, rng: random.Random) -> Iterator[bytes]:
     whole = file.read_bytes()
-    places = [i for i, byte in enumerate(whole) if byte]
-    for _ in range(times):
-        data = bytearray(whole)
-        data[rng.choice(places)] ^= 1 << rng.randrange(8)
-        yield bytes(data)
+    yield whole
+    for _ in range(count):
+        yield harmed(whole, rng)
 
 
-def flip_tools(folder: Path, times: int) -> int:
+def harm_tools(folder: Path, count: int) -> int:
     """How many were noticed."""
     rng, file = random.Random(f"{SEED}-tools"), folder / TOOLS
     known, noticed = None, 0
-    for data in (file.read_bytes(), *flips(file, times, rng)):
+    for data in harms(file, count, rng):
         for end in own_database.BESIDE:
             (folder / f"{TOOLS}{end}").unlink(missing_ok=True)
         file.write_bytes(data)
@@ -107,11 +105,11 @@ def flip_tools(folder: Path, times: int) -> int:
     return noticed
 
 
-def flip_store(folder: Path, times: int) -> int:
+def harm_store(folder: Path, count: int) -> int:
     """How many were noticed."""
     rng, file = random.Random(f"{SEED}-store"), folder / STORE
     known, noticed = None, 0
-    for data in (file.read_bytes(), *flips(file, times, rng)):
+    for data in harms(file, count, rng):
         for end in own_database.BESIDE:
             (folder / f"{STORE}{end}").unlink(missing_ok=True)
         file.write_bytes(data)
@@ -128,16 +126,16 @@ def flip_store(folder: Path, times: int) -> int:
 
 
 def test_no_bit_of_the_tools_places_changes_one_without_a_word(folder: Path) -> None:
-    assert flip_tools(folder, 60) > 10
+    assert harm_tools(folder, 60) > 10
 
 
 def test_no_bit_of_the_store_changes_what_is_answered_without_a_word(folder: Path) -> None:
-    assert flip_store(folder, 25) > 8
+    assert harm_store(folder, 25) > 8
 
 
 @pytest.mark.slow
 def test_no_bit_of_thousands_changes_anything(folder: Path) -> None:
-    assert flip_tools(folder, 3000) > 300 and flip_store(folder, 1500) > 300
+    assert harm_tools(folder, times(3000)) > times(300) and harm_store(folder, times(1500)) > times(300)
 
 
 def changed(file: Path, *statements: str) -> None:

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import pytest
+from support.faults.harm import harmed, times
 from support.suite.seed import SEED
 
 from controller import sealed_file
@@ -109,27 +110,14 @@ KINDS = {
 }
 
 
-def harmed(data: bytes, rng: random.Random) -> bytes:
-    """One bit turned over, a piece cut off, left out or doubled, or two pieces exchanged."""
-    a, b, c = sorted(rng.randrange(len(data) + 1) for _ in range(3))
-    kind = rng.randrange(8)
-    if kind < 4:
-        flipped, at = bytearray(data), rng.randrange(8 * len(data))
-        flipped[at // 8] ^= 1 << at % 8
-        return bytes(flipped)
-    return (data[:a], data[:a] + data[b:], data[:b] + data[a:], data[:a] + data[b:c] + data[a:b] + data[c:])[
-        kind - 4
-    ]
-
-
-def hurt(kind: Kind, state: Path, times: int, rng: random.Random) -> int:
+def hurt(kind: Kind, state: Path, count: int, rng: random.Random) -> int:
     """How often something was reported."""
     state.mkdir()
     file = kind.make(state)
     sealed_file.mark(state, owners.SEALED)  # as each start of a service does
     whole, known, words = file.read_bytes(), kind.read(state), 0
     assert known is not None
-    for _ in range(times):
+    for _ in range(count):
         file.write_bytes(data := harmed(whole, rng))
         found = None
         with contextlib.suppress(*WORDS):
@@ -154,7 +142,7 @@ def test_no_damage_of_a_file_changes_what_is_read(name: str, tmp_path: Path) -> 
 @pytest.mark.parametrize("name", KINDS)
 def test_thousands_of_damages_of_a_file_change_nothing(name: str, tmp_path: Path) -> None:
     rng = random.Random(f"{SEED}-{name}-slow")
-    assert hurt(KINDS[name], tmp_path / "state", 3000, rng) > 2100
+    assert hurt(KINDS[name], tmp_path / "state", times(3000), rng) > times(2100)
 
 
 @pytest.mark.parametrize("name", ["machine", "status", "arranged", "run"])
@@ -196,7 +184,9 @@ def test_a_record_that_was_cut_after_its_end_is_noticed(tmp_path: Path) -> None:
         assert found is not None and [one.number for one in found.lost] == [3]
 
 
-def test_the_end_of_a_run_that_is_damaged_or_of_another_is_put_aside_and_reported(tmp_path: Path) -> None:
+def test_a_beginning_or_end_of_a_run_that_is_damaged_or_of_another_is_put_aside_and_reported(
+    tmp_path: Path,
+) -> None:
     file = _ended(tmp_path)
     other = file.parent.parent / "2026-11-22T083120.042-other.ngc" / record_files.RUN
     other.parent.mkdir()
@@ -205,6 +195,8 @@ def test_the_end_of_a_run_that_is_damaged_or_of_another_is_put_aside_and_reporte
     assert found["key"] == "record_damaged" and found["values"]["file"] == str(other)
     listed = {run["name"]: run["result"] for run in runs.list_runs(tmp_path)}
     assert listed == {"part.ngc": "completed", "other.ngc": "lost"}
-    file.write_bytes(file.read_bytes()[:-30])
-    assert len(runs.put_damaged_aside(tmp_path)) == 1 and not runs.put_damaged_aside(tmp_path)
-    assert file.with_name("run.json.damaged1").exists()
+    other.rename(other.with_name(record_files.BEGUN))  # it was killed: nothing but its beginning is there
+    for damaged in (file, other.with_name(record_files.BEGUN)):
+        damaged.write_bytes(damaged.read_bytes()[:-30])
+    assert len(runs.put_damaged_aside(tmp_path)) == 2 and not runs.put_damaged_aside(tmp_path)
+    assert file.with_name("run.json.damaged1").exists() and other.exists()

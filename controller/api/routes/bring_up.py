@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from pathlib import Path as FilePath
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Path, Request, Response
@@ -104,6 +105,7 @@ async def begin(request: Request, step: Name, body: StepStart) -> models.Done:
     part = panel.store.programs.get(body.part) if body.part else None
     job = {
         "state": str(panel.store.folder),
+        "protocol": str(_folder(panel)),
         "step": step,
         "part": None if part is None else (panel.store.programs.sound_path(part.sha256), part.name),
         "url": f"{scheme}://[{host}]:{port}" if ":" in host else f"{scheme}://{host}:{port}",
@@ -130,11 +132,16 @@ async def skip(request: Request, step: Name, body: StepSkip) -> models.Done:
     return models.Done(request="bring_up")
 
 
+def _folder(panel: Panel) -> FilePath:
+    """Of the protocol: the panel's own, for in the service's it may not write."""
+    return panel.store.own / protocols.FOLDER
+
+
 def _opened(panel: Panel) -> tuple[Protocol, list[Step]]:
     """Raises Refusal where there is no machine yet, or the protocol is of another one or damaged."""
     machine = ticks.machine_of(panel.store.folder)
     try:
-        protocol = protocols.opened(panel.store.folder / protocols.FOLDER, machine, simulated=False)
+        protocol = protocols.opened(_folder(panel), machine, simulated=False)
     except protocols.NoProtocol as error:
         raise Refusal(409, "bad", error.said) from error
     return protocol, declared.steps(machine)

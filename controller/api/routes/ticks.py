@@ -15,6 +15,7 @@ from controller.api.answers import Refusal, documented
 from controller.api.roles import Role
 from controller.api.routes import records
 from controller.api.signals import Signals
+from controller.geometry.arrays import Array
 from controller.messages import Key
 
 router = APIRouter(prefix="/ticks", tags=["scope"])
@@ -137,7 +138,7 @@ def _signal_names(names: str) -> list[str]:
     return wanted
 
 
-def _values(found: Signals, name: str, where: slice) -> signals.Array:
+def _values(found: Signals, name: str, where: slice) -> Array:
     try:
         return found.values(name, where)
     except KeyError:

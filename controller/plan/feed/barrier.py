@@ -25,10 +25,9 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from controller.geometry.arrays import Array, Flags
 from controller.plan import banded
 
-Array = npt.NDArray[np.float64]
-Bools = npt.NDArray[np.bool_]
 Index = npt.NDArray[np.intp]
 
 GAP = 1e-5  # share of the time that may be left on the table when the search ends
@@ -75,7 +74,7 @@ class Limits:
     cap_price: Array  # (m + 2,) of exceeding it: PRICE, or less where it cannot be helped
     first: float | None  # c[0] = first * c[1]; None: c[0] and c[1] are held
     last: float  # c[m + 1] = last * c[m]
-    held: Bools | None = None  # (m + 2,) coefficients that stay as they are
+    held: Flags | None = None  # (m + 2,) coefficients that stay as they are
 
 
 class Left(NamedTuple):
@@ -107,7 +106,7 @@ def solve(limits: Limits, c: Array, before: Point | None = None, gap: float = GA
     return _Solver(limits).run(c, before, gap)
 
 
-def solve_near(limits: Limits, before: Point, near: Bools) -> Point:
+def solve_near(limits: Limits, before: Point, near: Flags) -> Point:
     """As ``solve`` after ``before`` in the intervals ``near`` (m,) alone; all others stay as they are."""
     part = _Part.of(limits, before.c, near)
     inner, whole, found = part.which >= 0, _Solver(limits), _Solver(part.limits)
@@ -136,7 +135,7 @@ class _Part(NamedTuple):
     coefficients: Index
 
     @staticmethod
-    def of(limits: Limits, c: Array, near: Bools) -> _Part:
+    def of(limits: Limits, c: Array, near: Flags) -> _Part:
         firsts = np.flatnonzero(np.diff(near, prepend=False) & near)
         lasts = np.flatnonzero(np.diff(near, append=False) & near) + 1
         runs = list(zip(firsts.tolist(), lasts.tolist(), strict=True))

@@ -23,6 +23,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from controller.geometry.arrays import Array
 from controller.ipc.handoff import Law
 from controller.plan.feed import tool_limits
 from controller.plan.feed.course import FeedCourse
@@ -30,7 +31,6 @@ from controller.plan.feed.law import along_each
 from controller.plan.surfaces.rates import Derivatives
 from controller.state.modes import Binding, axis_binding
 
-Array = npt.NDArray[np.float64]
 Codes = npt.NDArray[np.int64]
 Index = npt.NDArray[np.intp]
 Laws = Sequence[tuple[int, Law]]  # (index of the stretch in the course, its law)

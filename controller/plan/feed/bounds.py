@@ -11,9 +11,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
-from controller.geometry.arrays import within
+from controller.geometry.arrays import Array, within
 from controller.plan.feed import tool_limits
 from controller.plan.feed.barrier import PRICE, SOFT, Form, Limits
 from controller.plan.feed.course import FeedCourse, Index
@@ -21,8 +20,6 @@ from controller.plan.feed.mesh import Parts
 from controller.plan.feed.tool_limits import ToolRates
 from controller.plan.junctions import JUMP_SHARE, MARGIN, SPREAD
 from controller.plan.surfaces.rates import Derivatives
-
-Array = npt.NDArray[np.float64]
 
 INNER = (0.25, 0.5, 0.75)  # shares of an interval where a law is checked besides its ends
 GAUSS = (0.5 - 0.5 / 3.0**0.5, 0.5 + 0.5 / 3.0**0.5)  # shares of an interval at which time is weighed

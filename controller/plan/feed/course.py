@@ -17,7 +17,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from controller.geometry.arrays import distinct
+from controller.geometry.arrays import Array, distinct
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine
 from controller.memory import remembered
@@ -28,7 +28,6 @@ from controller.plan.junctions import MARGIN
 from controller.plan.stretch import Stretch
 from controller.plan.surfaces.rates import Derivatives, derivatives, kind, together
 
-Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
 
 REMEMBERED = 256  # stretches: more than a window has

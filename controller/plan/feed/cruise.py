@@ -14,14 +14,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
+from controller.geometry.arrays import Array
 from controller.plan.feed import mesh
 from controller.plan.feed.course import FeedCourse
 from controller.plan.feed.limits import JointLimits
 from controller.plan.feed.tool_limits import has_limits
 
-Array = npt.NDArray[np.float64]
 Law = tuple[Array, Array]  # times (n + 1,) and pieces (n, 6)
 Phase = tuple[float, float]  # seconds, and jerk along the path
 

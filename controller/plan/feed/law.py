@@ -10,11 +10,9 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
+from controller.geometry.arrays import Array
 from controller.ipc.handoff import Law, Quintic
-
-Array = npt.NDArray[np.float64]
 
 
 def straight(length: float, velocity: float, acceleration: float, jerk: float) -> Law:
@@ -92,16 +90,6 @@ def through(s: Array, v: Array, a: Array) -> tuple[Array, Array]:
     second = np.stack([s1, v1, 0.5 * a1, j2 / 6, none, none], axis=1)
     pieces = np.stack([first, second], axis=1).reshape(-1, 6)
     return np.concatenate([[0.0], np.cumsum(np.repeat(h, 2))]), pieces
-
-
-def at_share(times: Array, pieces: Array, share: float) -> tuple[Array, Array, Array, Array]:
-    """s, v, a and jerk at a share of every piece."""
-    t = share * np.diff(times)
-    c = pieces.T
-    s = c[0] + t * (c[1] + t * (c[2] + t * (c[3] + t * (c[4] + t * c[5]))))
-    v = c[1] + t * (2 * c[2] + t * (3 * c[3] + t * (4 * c[4] + t * 5 * c[5])))
-    a = 2 * c[2] + t * (6 * c[3] + t * (12 * c[4] + t * 20 * c[5]))
-    return s, v, a, 6 * c[3] + t * (24 * c[4] + t * 60 * c[5])
 
 
 def value(row: Sequence[float], t: float) -> float:

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from controller.geometry import arc_length
+from controller.geometry.arrays import Array
 from controller.geometry.curves import Arc, Even
 from controller.geometry.vectors import ROUNDING
 from controller.motion.motions import JointMove, SurfaceCut, ToolLine
@@ -24,8 +25,6 @@ from controller.plan.feed.limits import JointLimits, ramp_length
 from controller.plan.rotaries.branch import beside_pole
 from controller.plan.stretch import Stretch
 from controller.plan.surfaces.rates import Derivatives
-
-Array = npt.NDArray[np.float64]
 
 SPACING = 0.1  # of samples on anything but lines and arcs, mm
 SAMPLES = (60, 4000)  # on one stretch, at least and at most
@@ -287,17 +286,26 @@ def times(s: Array, v: Array) -> Array:
     return np.concatenate([[0.0], np.cumsum(np.where(step > 0.0, t, 0.0))])
 
 
-def knots(found: Samples, v: Array, step_s: float) -> tuple[Array, Index]:
+def knots(found: Samples, v: Array, step_s: float, most: int, widest: float) -> tuple[Array, Index]:
     """Knots (n + 1,) from the first sample to the last, and the part of each interval (n,).
 
-    ``v`` is the speed expected at the samples, ``step_s`` the time between knots where
-    something happens. At rests the first interval takes ``FROM_REST`` of these times.
+    ``v`` is the speed expected at the samples, ``step_s`` the time between knots where something happens.
+    At rests the first interval takes ``FROM_REST`` of these times. Were there more than ``most`` knots, the
+    times are longer, up to ``widest`` times: marks are knots, too, and where these are most, little is won.
     """
-    count = _count(found, v, step_s)
     ends = np.append(np.flatnonzero(np.diff(found.part)), len(found.s) - 1)
     firsts = np.append(0, ends[:-1])
-    wanted = np.add.reduceat(count, firsts)
-    per_part = np.maximum(1, np.ceil(wanted - 0.2)).astype(np.intp)
+
+    def wanted(step_s: float) -> tuple[Array, Index, int, int]:
+        """Intervals between samples, those of each part, and how many go into the first and the last."""
+        count = _count(found, v, step_s)
+        n = np.maximum(1, np.ceil(np.add.reduceat(count, firsts) - 0.2)).astype(np.intp)
+        begin = _joined_at_rest(int(n[0])) if v[0] == 0.0 else 0
+        return count, n, begin, _joined_at_rest(int(n[-1]) - (begin if len(n) == 1 else 0))
+
+    count, per_part, begin, end = wanted(step_s)
+    if (many := 1 + int(per_part.sum()) - begin - end) > most:
+        count, per_part, begin, end = wanted(step_s * min(many / most, widest))
     places, upto = [found.s[:1]], 0
     for k in np.flatnonzero(per_part > 1).tolist():  # most parts of rows of many short ones have one interval
         first, last, n = firsts[k], ends[k], per_part[k]
@@ -308,17 +316,13 @@ def knots(found: Samples, v: Array, step_s: float) -> tuple[Array, Index]:
         upto = k
     places.append(found.s[ends[upto:]])
     s, parts = np.concatenate(places), np.repeat(found.part[ends], per_part)
-    if v[0] == 0.0:
-        more = _joined_at_rest(parts)
-        s, parts = np.delete(s, np.arange(1, more + 1)), parts[more:]
-    more = _joined_at_rest(parts[::-1])
-    s, parts = np.delete(s, np.arange(len(s) - 1 - more, len(s) - 1)), parts[: len(parts) - more]
-    return s, parts
+    away = np.append(np.arange(1, begin + 1), np.arange(len(s) - 1 - end, len(s) - 1))
+    return np.delete(s, away), parts[begin : len(parts) - end]
 
 
-def _joined_at_rest(parts: Index) -> int:
-    """How many of the first intervals go into the one after them."""
-    return int(np.clip(np.count_nonzero(parts == parts[0]) - 3, 0, FROM_REST - 1))
+def _joined_at_rest(count: int) -> int:
+    """How many of the first ``count`` intervals, of one part, go into the one after them."""
+    return min(max(count - 3, 0), FROM_REST - 1)
 
 
 def _count(found: Samples, v: Array, step_s: float) -> Array:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
+from controller.geometry.arrays import Array
 from controller.motion.motions import ToolSpline
 from controller.plan import junctions
 from controller.plan.feed.course import FeedCourse, Index
@@ -14,8 +14,6 @@ from controller.plan.feed.limits import JointLimits
 from controller.plan.feed.profile import Profile
 from controller.plan.rotaries import tool_paths
 from controller.plan.surfaces.rates import Derivatives
-
-Array = npt.NDArray[np.float64]
 
 PLACES = 17  # at which a stretch is looked at ...
 NEAR_LINES = 8  # lines before and behind a place of an exact row, whose corners count there

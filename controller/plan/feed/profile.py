@@ -16,8 +16,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from controller.geometry.arrays import Array
 from controller.geometry.curves import Line
 from controller.ipc.handoff import Law
 from controller.machine.kinematics import Kinematics
@@ -31,7 +31,6 @@ from controller.plan.junctions import MARGIN, STOP_SHARE
 from controller.plan.stretch import Stretch
 from controller.plan.surfaces.rates import Derivatives
 
-Array = npt.NDArray[np.float64]
 Run = tuple[Stretch, ...]
 
 WAITS_S = (0.02, 0.05, 0.1, 0.2, 0.4, 0.8)

@@ -11,17 +11,24 @@ import math
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
+from controller.geometry.arrays import Array
 from controller.plan.feed import barrier, mesh
 from controller.plan.feed.bounds import Bounds
 from controller.plan.feed.course import FeedCourse, Index
 from controller.plan.feed.limits import JointLimits
-from controller.plan.feed.search import COARSE, COARSE_GAP, MIN_KNOTS, SMOOTHING, Law, Search
+from controller.plan.feed.search import (
+    COARSE,
+    COARSE_GAP,
+    MAX_KNOTS,
+    MIN_KNOTS,
+    SMOOTHING,
+    WIDEST,
+    Law,
+    Search,
+)
 from controller.plan.feed.ticked import Ticked, of
 from controller.plan.surfaces.rates import Derivatives
-
-Array = npt.NDArray[np.float64]
 
 ROUNDS = 4
 FINE = 1.002  # of each limit, as ``JointLimits`` of a course has them: good enough ...
@@ -121,13 +128,21 @@ class RowSearch(Search):
 
     def _knots(self, speed: Array, step_s: float) -> tuple[Array, Index]:
         """Evenly in time, and closer about rests: what is allowed is rough, and no law can follow it."""
-        s = self.samples.s
+        s, more = self.samples.s, mesh.FROM_REST - 1
         t = mesh.times(s, speed)
         near = np.minimum(t if self.from_rest else np.inf, t[-1] - t) < RAMP_S
-        count = np.cumsum(np.append(0.0, np.diff(t) / np.where(near[1:], min(step_s, CLOSE_S), step_s)))
-        n = max(MIN_KNOTS, math.ceil(count[-1]))
+
+        def wanted(step_s: float) -> tuple[Array, int, int]:
+            """Intervals up to each sample, all of them, and the knots that are left."""
+            steps = np.diff(t) / np.where(near[1:], min(step_s, CLOSE_S), step_s)
+            count = np.cumsum(np.append(0.0, steps))
+            n = max(MIN_KNOTS, math.ceil(count[-1]))
+            return count, n, n + 1 - more * (2 if self.from_rest else 1)
+
+        count, n, many = wanted(step_s)
+        if many > MAX_KNOTS:
+            count, n, _ = wanted(step_s * min(many / MAX_KNOTS, WIDEST))
         knots = np.interp(np.linspace(0.0, count[-1], n + 1), count, s)
-        more = mesh.FROM_REST - 1
         knots = np.delete(knots, np.arange(n - more, n))
         if self.from_rest:
             knots = np.delete(knots, np.arange(1, more + 1))

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from controller.geometry.arrays import distinct
+from controller.geometry.arrays import Array, Flags, distinct
 from controller.plan.feed import barrier, mesh
 from controller.plan.feed.bounds import INNER, Bounds, Grid, Shares
 from controller.plan.feed.course import FeedCourse, Index
@@ -23,8 +23,6 @@ from controller.plan.feed.law import straight, through
 from controller.plan.junctions import MARGIN
 from controller.plan.surfaces.rates import Derivatives
 
-Array = npt.NDArray[np.float64]
-Bools = npt.NDArray[np.bool_]
 Law = tuple[Array, Array]  # times (n + 1,) and pieces (n, 6)
 Way = tuple[Array, Array]  # places and speeds along a law, (N,) each
 
@@ -70,7 +68,7 @@ class Excess:
         shares = [float(use.max()) / most for use, most in zip(self._all(), FINE, strict=True)]
         return float(max(share ** (1.0 / (k + 1)) for k, share in enumerate(shares)))
 
-    def exceeds(self, fine: tuple[float, float, float]) -> Bools:
+    def exceeds(self, fine: tuple[float, float, float]) -> Flags:
         """The intervals in which something is not as ``fine``, (n,)."""
         velocity, acceleration, jerk = fine
         over = (self.velocity > velocity) | (self.tip > acceleration)
@@ -92,7 +90,7 @@ class Looked(NamedTuple):
         """At most 1.0 where it is good enough."""
         return self.excess.over(FINE)
 
-    def near(self, reach_s: float) -> Bools:
+    def near(self, reach_s: float) -> Flags:
         """The intervals that begin within such a time of one that is not good enough, (n,)."""
         return np.asarray(mesh.time_away(self.law[0][:-1:2], self.excess.exceeds(FINE)) <= reach_s)
 
@@ -113,7 +111,7 @@ class Search:
         """None where the state of motion cannot be continued; from rest there is always a law."""
         speed = mesh.estimate(self.parts, self.samples, self.v, self.a)
         step_s = COARSE * self._step(speed)
-        estimated, knots = speed, self._knots_about(speed, step_s)
+        estimated, knots = speed, self._knots(speed, step_s)
         smooth = mesh.smoothed(self.samples, speed, self.a, SMOOTHING * step_s)
         speed = np.minimum(smooth, speed) if self.from_rest else smooth
         bounds = self._bounds_at(*knots, estimated) if len(knots[0]) <= MAX_KNOTS else None
@@ -247,21 +245,14 @@ class Search:
         return float((self.samples.acceleration / self.samples.jerk).min())
 
     def _bounds(self, speed: Array, step_s: float) -> Bounds:
-        return self._bounds_at(*self._knots_about(speed, step_s), speed)
+        return self._bounds_at(*self._knots(speed, step_s), speed)
 
     def _bounds_at(self, s: Array, part: Index, speed: Array) -> Bounds:
         about = np.interp(s, self.samples.s, speed)
         return Bounds(Grid.of(self.parts, s, part, self.from_rest), about)
 
-    def _knots_about(self, speed: Array, step_s: float) -> tuple[Array, Index]:
-        """As ``_knots``, and if there are many, further apart."""
-        found = self._knots(speed, step_s)
-        if (count := len(found[0])) > MAX_KNOTS:  # marks are knots: where these are most, little is won
-            found = self._knots(speed, step_s * min(count / MAX_KNOTS, WIDEST))
-        return found
-
     def _knots(self, speed: Array, step_s: float) -> tuple[Array, Index]:
-        return mesh.knots(self.samples, speed, step_s)
+        return mesh.knots(self.samples, speed, step_s, MAX_KNOTS, WIDEST)
 
     def _coefficients(self, bounds: Bounds, speed: Array) -> Array:
         """Coefficients of about ``speed`` at the samples."""

@@ -20,14 +20,13 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from controller.geometry.arrays import columns
+from controller.geometry.arrays import Array, columns
 from controller.geometry.vectors import ROUNDING
 from controller.motion.motions import ROW, ToolSpline
 from controller.plan.feed.course import FeedCourse
 from controller.plan.feed.limits import JointLimits
 from controller.plan.junctions import MARGIN
 
-Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
 
 # Shares of velocity, acceleration and jerk that the corners may take at an even speed; the law has the rest.

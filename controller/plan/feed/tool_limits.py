@@ -16,18 +16,15 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from controller.geometry import series as jets
-from controller.geometry.arrays import distinct
+from controller.geometry.arrays import Array, distinct
 from controller.geometry.curves import Line
 from controller.machine.model import Machine
 from controller.motion.motions import JointMove, Motion
 from controller.plan.feed.course import FeedCourse, Index
 from controller.plan.rotaries.branch import joints_along
 from controller.plan.surfaces.rates import Derivatives, derivatives
-
-Array = npt.NDArray[np.float64]
 
 DIRECTIONS = 12  # of half the polygon's sides; the other half are their opposites
 INSIDE = math.cos(math.pi / (2 * DIRECTIONS))  # of the circle that the polygon's corners touch

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from controller.geometry.arrays import Array
 from controller.geometry.curves import Arc
 from controller.geometry.vectors import Vector, norm
 from controller.machine.kinematics import Kinematics
@@ -22,7 +23,6 @@ from controller.plan.rotaries.tool_axes import AxisLost, GreatCircles, follow
 from controller.plan.stretch import Diagnostics, joints_of, rotaries_of, xyz_of
 from controller.program.program import JointArc, JointLine, Modal, Tip, TipLine
 
-Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
 Row = tuple[float, ...]  # X Y Z and both rotaries
 Feed = TipLine | JointLine | JointArc

@@ -17,7 +17,7 @@ from typing import NamedTuple, TypeGuard
 import numpy as np
 import numpy.typing as npt
 
-from controller.geometry.arrays import columns
+from controller.geometry.arrays import Array, Flags, columns
 from controller.geometry.vectors import ROUNDING
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine
@@ -33,9 +33,6 @@ from controller.plan.rotaries.turns import SAME_ROTARY_RAD
 from controller.plan.stretch import STANDS_MM, Chain, Diagnostics, Stretch, joints_of
 from controller.plan.surfaces.rates import Derivatives, limits
 from controller.program.program import Block, ProgramError, Tip, TipLine
-
-Array = npt.NDArray[np.float64]
-Bools = npt.NDArray[np.bool_]
 
 FIRST, MAX_LINES = (
     64,
@@ -63,7 +60,7 @@ class _Ways(NamedTuple):
     rotaries: Array  # (n + 1, 2)
     size: Array  # (n,) in s
     cubics: Array  # (n, 5, 4) of tip and rotaries, in powers of s from each line's beginning
-    fit: Bools  # (n,) to stand in a row
+    fit: Flags  # (n,) to stand in a row
 
 
 class ExactLines:
@@ -184,7 +181,7 @@ class ExactLines:
             break
         return self._with_cubics(tips, axes, rotaries, np.zeros(n, dtype=bool), fit)
 
-    def _with_cubics(self, tips: Array, axes: Array, rotaries: Array, even: Bools, fit: Bools) -> _Ways:
+    def _with_cubics(self, tips: Array, axes: Array, rotaries: Array, even: Flags, fit: Flags) -> _Ways:
         """The ways of lines of which ``fit`` may be in a row; on ``even`` ones both rotaries turn evenly."""
         way, turn = np.diff(tips, axis=0), np.diff(rotaries, axis=0)
         length = np.sqrt((way * way).sum(axis=1))
@@ -216,7 +213,7 @@ class ExactLines:
         cubics[:, 3:, 3] = (rates[0] + rates[1] - 2.0 * turn) * per**3
         return _Ways(tips, axes, rotaries, size, cubics, fit)
 
-    def _clear(self, axes: Array) -> Bools:
+    def _clear(self, axes: Array) -> Flags:
         """Lines (n,) between ``axes`` (n + 1, 3) on which no branch is in doubt if they turn little."""
         kinematics = self._kinematics
         clear = np.array([kinematics.is_clear_of_pole(lines.vector(axis)) for axis in axes])
@@ -272,7 +269,7 @@ class ExactLines:
         length_mm = blocks[0].modal.length_mm
         return self._motions.stretch(knots, ways.cubics[of], begun, True, length_mm, True, SAMPLES)
 
-    def _stops(self, blocks: list[TipLine], ways: _Ways, of: npt.NDArray[np.intp]) -> Bools:
+    def _stops(self, blocks: list[TipLine], ways: _Ways, of: npt.NDArray[np.intp]) -> Flags:
         """Of each corner between the lines ``of``: whether it is no faster to pass it than to stop."""
         size, cubics = ways.size[of], ways.cubics[of]
         length_mm, period_s = blocks[0].modal.length_mm, self._machine.period_s

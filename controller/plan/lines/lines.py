@@ -14,6 +14,7 @@ from typing import NoReturn
 import numpy as np
 import numpy.typing as npt
 
+from controller.geometry.arrays import Array
 from controller.geometry.vectors import ROUNDING, Vector, add, dot, norm, subtract, unit
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine
@@ -26,8 +27,6 @@ from controller.plan.rotaries.turns import SAME_ROTARY_RAD
 from controller.plan.stretch import STANDS_MM, Diagnostics, Stretch, joints_of, rotaries_of, straight
 from controller.program.block_look_ahead import AHEAD_LINES
 from controller.program.program import Place, TipLine
-
-Array = npt.NDArray[np.float64]
 
 LITTLE_COSINE = math.cos(LITTLE_RAD)
 SAME_AXIS = 1e-15  # 1 - cosine of the angle between two axes

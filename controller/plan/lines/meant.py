@@ -12,9 +12,8 @@ import math
 from typing import NamedTuple, TypeGuard
 
 import numpy as np
-import numpy.typing as npt
 
-from controller.geometry.arrays import columns
+from controller.geometry.arrays import Array, Flags, columns
 from controller.geometry.vectors import Vector
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine
@@ -25,11 +24,12 @@ from controller.plan.lines.lines import Stand
 from controller.plan.stretch import STANDS_MM, rotaries_of, xyz_of
 from controller.program.program import Block, JointLine, Modal, Tip, TipLine
 
-Array = npt.NDArray[np.float64]
-Bools = npt.NDArray[np.bool_]
 Line = JointLine | TipLine
 
-FIRST, MOST = 2, 16  # lines after which the corners are looked at: at first, and twice as many each time
+FIRST_LOOK, MAX_LOOK = (
+    2,
+    16,
+)  # lines after which the corners are looked at: at first, and twice as many each time
 EVEN = 1e-9  # of a line's way and turn: two that go on alike run through exactly
 
 
@@ -71,7 +71,7 @@ class Waiting:
     def forget(self) -> None:
         """None of them is wanted any more."""
         self._blocks: list[Line] = []
-        self._look = FIRST
+        self._look = FIRST_LOOK
         self._at: _At | None = None  # where they begin, if they go on with the row before them
 
     def __bool__(self) -> bool:
@@ -112,13 +112,13 @@ class Waiting:
         if taken or final:
             self._at = ats[taken] if in_row else None
         self._blocks = blocks[taken:]
-        more = max(min(2 * self._look, MOST), 2 * len(self._blocks))
+        more = max(min(2 * self._look, MAX_LOOK), 2 * len(self._blocks))
         self._look = rows.WINDOW if in_row else min(more, rows.WINDOW)
         return found
 
     # ---- corners -----------------------------------------------------------------------
 
-    def _corners(self, places: Array) -> tuple[Bools, Bools]:
+    def _corners(self, places: Array) -> tuple[Flags, Flags]:
         """Of each corner between two lines, (n - 1,): whether it is run through, whether it is one at all.
 
         The corner is seen beside the straight way (tip and axis together) from the line's beginning

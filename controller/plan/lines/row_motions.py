@@ -9,8 +9,8 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from controller.geometry.arrays import Array
 from controller.geometry.vectors import ROUNDING
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine
@@ -20,8 +20,6 @@ from controller.plan.rotaries import tool_paths
 from controller.plan.stretch import MIN_TIP_RATE, STANDS_MM, Diagnostics, Stretch
 from controller.plan.surfaces import audit
 from controller.program.program import JointArc, JointLine, Place
-
-Array = npt.NDArray[np.float64]
 
 TRAVEL_SAMPLES = 4  # of each span
 

@@ -17,6 +17,7 @@ from collections.abc import Iterator
 import numpy as np
 import numpy.typing as npt
 
+from controller.geometry.arrays import Array
 from controller.geometry.vectors import Vector
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine
@@ -40,7 +41,6 @@ from controller.plan.stretch import (
 from controller.plan.surfaces import audit
 from controller.program.program import JointLine, Modal, Tip, TipLine
 
-Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
 
 WINDOW = 2000  # lines that are fitted together

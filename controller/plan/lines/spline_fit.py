@@ -23,10 +23,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from controller.geometry.arrays import distinct
+from controller.geometry.arrays import Array, distinct
 from controller.plan import banded
 
-Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
 
 BASE_MM = 8.0  # longest span

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 
 from controller.geometry import arc_length
+from controller.geometry.arrays import Array
 from controller.geometry.curves import Curve, Even
 from controller.geometry.splines import BSpline, simplest
 from controller.geometry.vectors import ROUNDING, Vector, add, norm, subtract
@@ -20,8 +20,6 @@ from controller.plan.lines.moves import xyz_of
 from controller.plan.stretch import Diagnostics, Stretch, joints_of, rotaries_of
 from controller.program.position import placed, read_in, shifted
 from controller.program.program import JointCurve
-
-Array = npt.NDArray[np.float64]
 
 SLOW = 0.01  # of the highest rate of a span: where the least one is below, it is looked for
 SAMPLES = 257  # of a span

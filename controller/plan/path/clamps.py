@@ -43,7 +43,7 @@ def opened(
             continue
         wanted = _moved(item, clamped, kinematics)
         if not runs_on and wanted != is_open:
-            yield Pause(item.stretches[0].place, state, act=Act.CLAMP, open_clamps=wanted)
+            yield Pause(item.place, state, act=Act.CLAMP, open_clamps=wanted)
             is_open = wanted
         runs_on = item.runs_on
         yield item

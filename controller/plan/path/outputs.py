@@ -77,7 +77,7 @@ class Switched:
         for item in items:
             if isinstance(item, Chain) and self._stops:
                 item = replace(item, optional_stops=self._stops)
-                self._stops = frozenset(one for one in self._stops if one >= item.stretches[0].place.order)
+                self._stops = frozenset(one for one in self._stops if one >= item.place.order)
             if isinstance(item, Chain) and (
                 len(self._said) > 1 or self._said[0][1] != _NOTHING or _tied(item)
             ):

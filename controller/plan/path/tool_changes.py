@@ -53,7 +53,7 @@ def stopped(
             if why is None and (state.tool == in_spindle or not asks):
                 yield item
                 continue
-            place = item.place if isinstance(item, Pause) else item.stretches[0].place
+            place = item.place
             yield Pause(place, state, act=Act.TOOL, open_clamps=is_open)
         note(Note(place, message("note.stops_for", tool=_named(state.tool, machine))))
         yield Pause(place, state, act=Act.STOP, open_clamps=is_open)

@@ -18,11 +18,6 @@ from controller.program.program import Place, ProgramError
 HOUR_S = 3600.0
 
 
-def least_s(item: Chain | Pause, machine: Machine) -> float:
-    """Seconds that an item of a path takes at 100 %, at the least."""
-    return sum(seconds for _, seconds in _parts(item, machine))
-
-
 def _parts(item: Chain | Pause, machine: Machine) -> list[tuple[Place, float]]:
     if isinstance(item, Pause):
         return [(item.place, item.seconds)]

@@ -18,9 +18,8 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-from controller.geometry.arrays import distinct
+from controller.geometry.arrays import Array, distinct
 from controller.geometry.curves import Arc, Even, Line
 from controller.motion.motions import JointMove
 from controller.plan.feed import binding, mesh
@@ -28,8 +27,6 @@ from controller.plan.feed.binding import NUMBER_OF_CODES, SHOWN_S, Codes, Motion
 from controller.plan.feed.course import FeedCourse
 from controller.plan.feed.law import along, along_each
 from controller.plan.stretch import Stretch
-
-Array = npt.NDArray[np.float64]
 
 PER_WINDOW = 10  # moments
 MAX_WINDOWS = 320  # that are looked at at once
@@ -167,8 +164,7 @@ def _moments(stretch: Stretch, length: float) -> float:
 
 def _is_even(stretch: Stretch) -> bool:
     """Whether the shares of all limits are the same anywhere on it at an even speed."""
-    motion = stretch.motion
-    return isinstance(motion, JointMove) and isinstance(motion.curve, Line) and stretch.even_feed is not None
+    return stretch.is_straight and stretch.even_feed is not None
 
 
 def _even(course: FeedCourse, look: Look, limits: Array) -> Iterator[Look]:

@@ -19,8 +19,8 @@ from bisect import bisect_right
 from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
+from controller.geometry.arrays import Array
 from controller.plan.feed.binding import Span
 from controller.plan.feed.course import FeedCourse
 from controller.plan.feed.law import along_each
@@ -29,8 +29,6 @@ from controller.plan.restart.program_position import LinePart, lines_along, part
 from controller.plan.stretch import Chain, Pause, Stretch, Wait
 from controller.plan.timetable import MAX_EVENTS, Event, Passed, event_of
 from controller.plan.waits import OPTIONAL
-
-Array = npt.NDArray[np.float64]
 
 MAX_MARKS = 4000  # marks
 APART_S = 0.02  # of two marks inside of a window ...

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller import npz
-from controller.geometry.arrays import distinct
+from controller.geometry.arrays import Array, distinct
 from controller.geometry.curves import Even, Line
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine
@@ -33,7 +33,6 @@ from controller.plan.report.works import work_of
 from controller.plan.stretch import Chain, Pause, Stretch
 from controller.program.program import Act
 
-Array = NDArray[np.float64]
 Whole = NDArray[np.int64]
 
 MAX_POINTS = 20_000
@@ -170,8 +169,8 @@ class Picture:
         self._last = stretch.end, self._length_mm
         self._new.append((joints, self._length_mm or 0.0, kind, self._motion, lines))
         self._waiting += len(joints)
-        if isinstance(motion, SurfaceCut) and stretch.cutting:
-            self._surface(motion)
+        if stretch.cut:
+            self._surface(stretch.cut)
 
     def _joints(self, stretch: Stretch) -> tuple[Array, Whole]:
         """Joints (n, axes) at so many places that nothing that bends is missed; the lines of the ways."""

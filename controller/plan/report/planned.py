@@ -23,7 +23,16 @@ from controller.plan.feed import cruise, mesh, pace, profile
 from controller.plan.feed.binding import Laws, Marks, Span
 from controller.plan.feed.course import FeedCourse, Rests
 from controller.plan.feed.profile import Profile
-from controller.plan.look_ahead import FIRST_S, WHOLE_SHARE, WINDOW_S, Orders, Place, Sent, Units, Windows
+from controller.plan.look_ahead import (
+    FIRST_S,
+    WHOLE_SHARE,
+    WINDOW_S,
+    Orders,
+    Sent,
+    TrackPlace,
+    Units,
+    Windows,
+)
 from controller.plan.path.path import Chain, Pause
 from controller.plan.planner import RETRY_S
 from controller.plan.stretch import Stretch
@@ -35,7 +44,7 @@ FIRST_ROW, MAX_ROW = (
     8,
     256,
 )  # straight motions that are planned at once: at first, and twice as many each time
-FULL, START = Orders(), Place(0, 0.0)
+FULL, START = Orders(), TrackPlace(0, 0.0)
 
 
 class Planned(NamedTuple):
@@ -73,7 +82,7 @@ def windows_along(
     kinematics: Kinematics,
     orders: Orders = FULL,
     begun: Sent | None = None,
-    place: Place = START,
+    place: TrackPlace = START,
     start_s: float = 0.0,
     soon: bool = True,
 ) -> Iterator[Sent]:
@@ -116,7 +125,7 @@ class _Windows(Windows):
         self._many = FIRST_ROW
 
     def from_rest(
-        self, track: Units, place: Place, start_s: float, orders: Orders, soon: bool = False
+        self, track: Units, place: TrackPlace, start_s: float, orders: Orders, soon: bool = False
     ) -> Sent | None:
         """As of any; straight motions that rest are planned many at once."""
         units = [] if place.s > 0.0 or orders.stop_inside else self._straights(track, place.unit, orders)
@@ -128,8 +137,8 @@ class _Windows(Windows):
         """Those that follow each other from a unit on."""
         found: list[Stretch] = []
         while len(found) < self._many and (unit := track.at(first + len(found))) is not None:
-            what = unit.what
-            if not isinstance(what, Stretch) or not unit.rests or unit.begin > 0.0 or unit.optional_stop:
+            what = unit.stretch
+            if what is None or not unit.rests or unit.begin > 0.0 or unit.optional_stop:
                 break
             if not profile.is_straight(what, self._machine) or what.scale(*orders.shares) <= 0.0:
                 break
@@ -145,7 +154,7 @@ class _Windows(Windows):
             took_s = self._on_grid(law.duration_s)
             spans.append(Span(k, law, 0.0, law.duration_s, took_s - law.duration_s))
             end_s += took_s
-        after = Place(first + len(spans), 0.0)
+        after = TrackPlace(first + len(spans), 0.0)
         row = Row(first, start_s, end_s, None, after, orders, (), course, spans=tuple(spans))
         return row if spans else None
 
@@ -162,7 +171,7 @@ def _planned(track: Track, sent: Sent) -> Planned:
         return Planned(took_s, None, sent.course, list(sent.spans))
     if sent.course is None or sent.profile is None:
         unit = track.at(sent.first)
-        return Planned(took_s, unit.what if unit and isinstance(unit.what, Pause) else None, None, [])
+        return Planned(took_s, unit.pause if unit else None, None, [])
     spans, begin_s = [], 0.0
     for k, law in sent.laws:
         if begin_s < took_s and law.duration_s > 0.0:

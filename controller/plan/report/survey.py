@@ -11,25 +11,25 @@ are reported together, as one block with its range and number of lines.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from controller.geometry.curves import Line
+from controller.geometry.arrays import Array
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine
-from controller.motion.motions import JointMove, SurfaceCut, ToolSpline
+from controller.motion.motions import SurfaceCut
 from controller.plan.feed import binding
 from controller.plan.feed.binding import Span
 from controller.plan.feed.course import FeedCourse
+from controller.plan.feed.law import along
 from controller.plan.path.path import Chain, Pause, Stretch, joints_along
 from controller.plan.report import moments, works
 from controller.plan.report.passing import Passing
 from controller.plan.report.planned import Planned, planned
-from controller.plan.report.setpoints import Setpoints
 from controller.plan.report.tally import Bound, Part, Tally, bounds
 from controller.plan.report.tool_use import Hole, Places, ToolUse, ToolUses
 from controller.plan.restart.program_position import BESIDE
@@ -37,9 +37,6 @@ from controller.plan.surfaces import rates
 from controller.plan.waits import laid
 from controller.program.carried import InForce
 from controller.program.program import Act
-
-Array = npt.NDArray[np.float64]
-
 
 # To so much of a limit the laws of the plan keep an axis: that of jerk is met at the knots of a law, nearly
 # between them. A larger share is a fault of the plan.
@@ -50,7 +47,7 @@ MAX_SHARES = {"velocity": 1.002, "acceleration": 1.002, "jerk": 1.015}
 class JointUse:
     """Range of one joint over the path, and the largest shares of its limits (1.0 = the limit).
 
-    They are those of the setpoints where the law's own derivatives are above a limit (``setpoints``).
+    They are those of the setpoints where the law's own derivatives are above a limit (``Setpoints``).
     """
 
     name: str
@@ -244,11 +241,10 @@ class _Look:
         for row in moments.rows(course, spans, self._limits):
             self._moments(course, row, setpoints)
         for span in spans:
-            motion = course.stretches[span.stretch].motion
-            cutting = course.stretches[span.stretch].cutting
-            if cutting and isinstance(motion, SurfaceCut) and motion is not self._last_cut:
-                self._cuts.append(motion.end)
-                self._last_cut = motion
+            cut = course.stretches[span.stretch].cut
+            if cut is not None and cut is not self._last_cut:
+                self._cuts.append(cut.end)
+                self._last_cut = cut
 
     def _rest(self, tally: Tally, seconds: float) -> None:
         """A standstill; also what a run is padded by to a whole number of periods."""
@@ -280,8 +276,8 @@ class _Look:
     # ---- blocks
 
     def _of(self, stretch: Stretch) -> Tally:
-        first, last, lines = lines_of(stretch)
-        return self._block(first, last, lines).tally(stretch)
+        lines = stretch.lines
+        return self._block(lines[0], lines[-1], len(lines)).tally(stretch)
 
     def _block(self, first: int, last: int, lines: int) -> _Open:
         """The open block if these lines are its own, or a new one."""
@@ -354,7 +350,7 @@ class _Look:
     def _joints(self, stretch: Stretch, s: Array) -> Array:
         """Where the axes are at the places ``s``, and at both ends of the motion, (N, axes)."""
         ends = [stretch.start, stretch.end]
-        if isinstance(stretch.motion, JointMove) and isinstance(stretch.motion.curve, Line):
+        if stretch.is_straight:
             return np.array(ends)  # nowhere beyond them
         s = np.clip(s[:: max(1, len(s) // 400)], 0.0, stretch.motion.end)
         return np.concatenate([joints_along(stretch, s, self._kinematics), ends])
@@ -374,16 +370,55 @@ def _line(sent: Planned) -> int:
     """The last line of the program in it."""
     if sent.pause is not None:
         return sent.pause.place.line
-    return lines_of(sent.course.stretches[sent.spans[-1].stretch])[1] if sent.course and sent.spans else 0
+    return sent.course.stretches[sent.spans[-1].stretch].lines[-1] if sent.course and sent.spans else 0
 
 
 def _word(act: Act) -> str:
     return act.name.lower().replace("_", " ")
 
 
-def lines_of(stretch: Stretch) -> tuple[int, int, int]:
-    """First and last line of the program in a stretch, and how many."""
-    if isinstance(stretch.motion, ToolSpline):
-        lines = stretch.motion.lines
-        return lines[0], lines[-1], len(lines)
-    return stretch.place.line, stretch.place.line, 1
+# ---- shares of the limits as drives get them -----------------------------------------------
+
+
+STEPS = (-1.5, -1.0, -0.5, 0.0, 0.5, 1.0, 1.5)  # periods about a moment
+DIFFERENCES = np.array(  # of the joints at those: a row each of velocity, acceleration and jerk
+    [
+        [0.0, 0.0, -1.0, 0.0, 1.0, 0.0, 0.0],
+        [0.0, 1.0, 0.0, -2.0, 0.0, 1.0, 0.0],
+        [-1.0, 0.0, 3.0, 0.0, -3.0, 0.0, 1.0],
+    ]
+)
+
+
+class Setpoints:
+    """The joints of one window of a plan at any time of it.
+
+    A law keeps its limits at its knots and nearly between them: its own derivatives may exceed a limit of
+    jerk by up to 1.2 % for a millisecond or two (``feed.search.FINE``). No drive gets a derivative, so where
+    one is above its limit the differences of setpoints a period apart say what the axis is asked for.
+    """
+
+    def __init__(self, course: FeedCourse, spans: Sequence[Span]) -> None:
+        self._course, self._spans = course, spans
+        lasts = itertools.accumulate((one.to_s - one.from_s + one.stands_s for one in spans), initial=0.0)
+        self._begins = np.array([*lasts][:-1])
+        self._clocks = {one.stretch: t - one.from_s for one, t in zip(spans, self._begins, strict=True)}
+
+    def shares(self, stretch: int, law_s: Array, limits: Array) -> Array:
+        """Shares (N, axes, 3) of ``limits`` (axes, 3) at the times ``law_s`` (N,) of a stretch's law."""
+        T = self._course.machine.period_s
+        t = self._clocks[stretch] + law_s[:, None] + T * np.array(STEPS)
+        q = self._joints(t.ravel()).reshape(*t.shape, -1)
+        found = np.abs(np.einsum("kp,npa->nak", DIFFERENCES, q)) / T ** np.arange(1.0, 4.0)
+        return np.asarray(found / limits)
+
+    def _joints(self, t: Array) -> Array:
+        """(N, axes). Before the window and after it the law goes on, but not beyond its stretch."""
+        course, k = self._course, np.clip(np.searchsorted(self._begins, t, side="right") - 1, 0, None)
+        q = np.empty((len(t), len(course.machine.axes)))
+        for one in np.unique(k).tolist():
+            span, here = self._spans[one], k == one
+            stretch = course.stretches[span.stretch]
+            s = along(span.law, t[here] - self._begins[one] + span.from_s)[0]
+            q[here] = joints_along(stretch, np.clip(s, 0.0, stretch.motion.end), course.kinematics)
+        return q

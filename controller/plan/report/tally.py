@@ -13,13 +13,11 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from controller.geometry.arrays import Array
 from controller.machine.model import Machine
 from controller.plan.feed.binding import NUMBER_OF_CODES
 from controller.state.modes import AXIS_KINDS, Binding, binding_text
-
-Array = npt.NDArray[np.float64]
 
 MAX_SPANS = 200  # of what binds in one part; shorter ones are merged
 KEPT_SPANS = 4 * MAX_SPANS

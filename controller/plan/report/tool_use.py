@@ -13,8 +13,8 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from controller.geometry.arrays import Array
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import OFFSETS, Machine
 from controller.plan.report.works import CUTS, HOLES
@@ -24,8 +24,6 @@ from controller.program.codes import CYCLES
 from controller.program.modal import State, power_on
 from controller.program.motion_words import PLANES
 from controller.program.program import Modal, Tip
-
-Array = npt.NDArray[np.float64]
 
 POWER_ON = power_on()
 SAME_MM = 1e-6  # between two strokes into one hole

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from controller.geometry.curves import Line
-from controller.geometry.placement import Placed
 from controller.geometry.surfaces import Cone
 from controller.geometry.vectors import norm, subtract
-from controller.motion.motions import JointMove, SurfaceCut
+from controller.motion.motions import JointMove
 from controller.plan.path.outputs import PROBE
 from controller.plan.restart.program_position import BESIDE
 from controller.plan.stretch import STANDS_MM, Stretch
@@ -33,10 +32,8 @@ def work_of(stretch: Stretch) -> str:
 
 def kind_of(stretch: Stretch) -> str:
     """The kind of a block by a motion of its own: 'cone', 'surface', 'drill', 'rapid', 'line', 'arc', ..."""
-    if isinstance(stretch.motion, SurfaceCut) and stretch.cutting:
-        surface = stretch.motion.surface
-        base = surface.base if isinstance(surface, Placed) else surface
-        return "cone" if isinstance(base, Cone) else "surface"
+    if (cut := stretch.cut) is not None:
+        return "cone" if isinstance(cut.surface.nominal, Cone) else "surface"
     if stretch.feed_mm_s is None and stretch.name == "line":
         return "rapid"
     return stretch.hole or stretch.name
@@ -44,7 +41,5 @@ def kind_of(stretch: Stretch) -> str:
 
 def turns_alone(stretch: Stretch) -> bool:
     """Whether only rotaries move."""
-    motion = stretch.motion
-    if not isinstance(motion, JointMove) or not isinstance(motion.curve, Line):
-        return False
-    return bool(norm(subtract(motion.curve.end, motion.curve.start)) < STANDS_MM)
+    curve = stretch.motion.curve if isinstance(stretch.motion, JointMove) else None
+    return isinstance(curve, Line) and bool(norm(subtract(curve.end, curve.start)) < STANDS_MM)

@@ -13,12 +13,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine
 from controller.messages import message
 from controller.motion.motions import SurfaceCut
 from controller.plan.restart import reentry
-from controller.plan.restart.reentry import RETRACT_MM_S, Fitted, NotPossible, Reentry, along_axis
+from controller.plan.restart.reentry import RETRACT_MM_S, Entrance, NotPossible, Reentry, along_axis
 from controller.plan.stretch import Chain, Pause, Stretch, motion_named, straight, xyz_of
 from controller.plan.surfaces import audit
 from controller.plan.surfaces.approach import at_height
@@ -41,31 +40,25 @@ class Target:
         """Whether a surface is cut there."""
         return self.stretch is not None and isinstance(self.stretch.motion, SurfaceCut)
 
-    def reentry(self, fitted: Fitted, machine: Machine, kinematics: Kinematics) -> Reentry:
+    def reentry(self, entrance: Entrance) -> Reentry:
         """The way onto the path there. Raises NotPossible."""
         if self.stretch is None:
-            return reentry.enter_pause(self.joints, self.place, self.clear_mm, machine, kinematics)
-        return reentry.enter(self.stretch, self.s, fitted, self.clear_mm, machine, kinematics)
+            return entrance.enter_pause(self.joints, self.place, self.clear_mm)
+        return entrance.enter(self.stretch, self.s, self.clear_mm)
 
 
 def way(
-    now: Joints,
-    onto: Reentry,
-    clear_mm: float,
-    place: Place,
-    fitted: Fitted,
-    machine: Machine,
-    kinematics: Kinematics,
-    has_cut: bool = False,
+    now: Joints, onto: Reentry, clear_mm: float, place: Place, entrance: Entrance, has_cut: bool = False
 ) -> tuple[list[Stretch], list[Stretch]]:
     """The way from ``now`` to where the tool waits: up and over, and down. Raises NotPossible.
 
     ``clear_mm``: along the tool axis from there, from where on the way is free. ``has_cut``: it is the tool
     that came to ``now``, so that what it touches there it has cut.
     """
-    tool, walls = fitted.tool, fitted.walls
+    machine, kinematics = entrance.machine, entrance.kinematics
+    tool, walls = entrance.fitted.tool, entrance.fitted.walls
     if not has_cut:
-        reentry.see_free(now, onto.allowed_mm, fitted, kinematics)
+        entrance.see_free(now, onto.allowed_mm)
     room = reentry.room_along_axis(onto.waits, machine, kinematics)
     clear = along_axis(onto.waits, min(clear_mm, room), kinematics)
     off = reentry.to_height(now, machine.retract_mm, machine, kinematics)
@@ -89,26 +82,18 @@ def way(
     return laid[0], laid[1]
 
 
-def enter(
-    target: Target,
-    now: Joints,
-    in_spindle: int,
-    fitted: Fitted,
-    machine: Machine,
-    kinematics: Kinematics,
-    name: str,
-) -> list[Chain | Pause]:
+def enter(target: Target, now: Joints, in_spindle: int, entrance: Entrance, name: str) -> list[Chain | Pause]:
     """The way from ``now`` onto the target, with tool, spindle and coolant as they are there.
 
     ``in_spindle``: number of the tool that is in the spindle. Raises ProgramError where the way leaves an
     axis' travel, or gets into a wall.
     """
-    if machine.changer is not None and target.modal.tool != in_spindle:
+    if entrance.machine.changer is not None and target.modal.tool != in_spindle:
         sentence = message("tool.restart_other", found=in_spindle, wanted=target.modal.tool)
         raise target.place.refusal(name, sentence)
     try:
-        onto = target.reentry(fitted, machine, kinematics)
-        before, after = way(now, onto, target.clear_mm, target.place, fitted, machine, kinematics)
+        onto = target.reentry(entrance)
+        before, after = way(now, onto, target.clear_mm, target.place, entrance)
     except NotPossible as error:
         raise target.place.refusal(name, error.said) from error
     items: list[Chain | Pause] = [Chain((stretch,)) for stretch in before]

@@ -10,16 +10,13 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from controller.geometry.arrays import Array
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints
-from controller.plan.restart.program_position import line_of
 from controller.plan.restart.restart import Rest
 from controller.plan.rotaries.branch import joints_along
 from controller.plan.stretch import Chain, Stretch
-
-Array = npt.NDArray[np.float64]
 
 AHEAD_MM = 200.0  # of the path, from the place on: more than a second of cut and the drives' ramps
 STEP_MM = 0.25
@@ -52,7 +49,7 @@ def _ahead(rest: Rest) -> list[tuple[Stretch, float]]:
     made: list[tuple[Stretch, float]] = []
     left_mm = AHEAD_MM
     for item in rest.items:
-        for k, stretch in enumerate(item.stretches if isinstance(item, Chain) else ()):
+        for k, stretch in enumerate(item.stretches):
             from_s = item.from_s if k == 0 and isinstance(item, Chain) else 0.0
             made.append((stretch, from_s))
             left_mm -= stretch.motion.end - from_s
@@ -70,7 +67,7 @@ def _nearest(
     s = np.linspace(s[max(i - 1, 0)], s[min(i + 1, len(s) - 1)], FINE)
     off_mm, off_deg = _distances(stretch, s, joints, length_mm, kinematics)
     i = int(np.argmin(off_mm))
-    return float(off_mm[i]), Beside(line_of(stretch, float(s[i])), float(off_mm[i]), float(off_deg[i]))
+    return float(off_mm[i]), Beside(stretch.line_at(float(s[i])), float(off_mm[i]), float(off_deg[i]))
 
 
 def _distances(

@@ -10,7 +10,6 @@ from bisect import bisect_left, bisect_right
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
-from controller.motion.motions import ToolSpline
 from controller.plan.stretch import Chain, Stretch
 
 # What stands beside the blocks of a program: to a surface and off it, and turns between two.
@@ -36,32 +35,9 @@ class Spot(NamedTuple):
     s: float = 0.0
 
 
-def line_of(stretch: Stretch, s: float) -> int:
-    """The program line at a place of a stretch."""
-    motion = stretch.motion
-    return motion.line_at(s) if isinstance(motion, ToolSpline) else stretch.place.line
-
-
-def order_of(stretch: Stretch, s: float) -> int:
-    """``Place.order`` of the line at a place of a stretch."""
-    motion = stretch.motion
-    if isinstance(motion, ToolSpline):
-        return _orders(stretch, motion)[motion.index_at(s)]
-    return stretch.place.order
-
-
-def _orders(stretch: Stretch, motion: ToolSpline) -> Sequence[int]:
-    return stretch.orders or motion.lines
-
-
-def lines_of(stretch: Stretch) -> tuple[int, int]:
-    """The first and the last line of a stretch."""
-    return line_of(stretch, 0.0), line_of(stretch, stretch.motion.end)
-
-
 def fraction_at(chain: Chain, index: int, s: float) -> float:
     """The fraction of its line that is done at ``s`` of the chain's stretch ``index``."""
-    order = order_of(chain.stretches[index], s)
+    order = chain.stretches[index].order_at(s)
     done = whole = 0.0
     for k, low, high in _spans(chain, order):
         whole += high - low
@@ -86,7 +62,7 @@ def part_at(parts: Sequence[LinePart], s: float) -> tuple[LinePart, float]:
 
 
 def lines_along(chain: Chain, begun: float = 0.0) -> list[tuple[LinePart, ...]]:
-    """Of each stretch of a chain, in the order of s: what ``line_of`` and ``fraction_at`` say of it.
+    """Of each stretch of a chain, in the order of s: what ``line_at`` and ``fraction_at`` say of it.
 
     ``begun``: of a chain that is the rest of another, the fraction of its first line at ``chain.from_s``.
     """
@@ -97,7 +73,7 @@ def lines_along(chain: Chain, begun: float = 0.0) -> list[tuple[LinePart, ...]]:
             for order, _, low, high in parts:
                 whole[order] = whole.get(order, 0.0) + high - low
     done: dict[int, float] = {}
-    first = order_of(chain.stretches[0], chain.from_s)
+    first = chain.stretches[0].order_at(chain.from_s)
     if begun >= 1.0:
         done[first] = whole[first] = 1.0
     elif begun > 0.0 and first in whole:
@@ -127,13 +103,10 @@ def _line_part(
 
 def _parts(stretch: Stretch) -> Iterator[tuple[int, int, float, float]]:
     """(order, line, from s, to s) of each line of a stretch."""
-    motion = stretch.motion
-    if not isinstance(motion, ToolSpline):
-        yield stretch.place.order, stretch.place.line, 0.0, motion.end
-        return
-    begins = [max(0.0, s) for s in motion.lines_s[: len(motion.lines)]]
-    ends = [*begins[1:], motion.end]
-    yield from zip(_orders(stretch, motion), motion.lines, begins, ends, strict=True)
+    lines = stretch.lines
+    begins = [max(0.0, s) for s in stretch.lines_s[: len(lines)]]
+    ends = [*begins[1:], stretch.motion.end]
+    yield from zip(stretch.line_orders, lines, begins, ends, strict=True)
 
 
 def place_in(chain: Chain, line: int, fraction: float) -> tuple[int, float] | None:
@@ -150,30 +123,20 @@ def place_in(chain: Chain, line: int, fraction: float) -> tuple[int, float] | No
 
 def _first_order(chain: Chain, line: int) -> int:
     """``Place.order`` of a line, the first time that it runs in a chain."""
-    if not chain.stretches[0].place.step:
+    if not chain.place.step:
         return line
     for stretch in chain.stretches:
-        motion = stretch.motion
-        if isinstance(motion, ToolSpline):
-            if line in motion.lines:
-                return _orders(stretch, motion)[motion.lines.index(line)]
-        elif stretch.place.line == line:
-            return stretch.place.order
+        if line in stretch.lines:
+            return stretch.line_orders[stretch.lines.index(line)]
     return -1
 
 
 def _spans(chain: Chain, order: int) -> Iterator[tuple[int, float, float]]:
     """(index, from s, to s) of all that a line itself asks for."""
     for k, stretch in enumerate(chain.stretches):
-        motion = stretch.motion
         if stretch.name in BESIDE:
             continue
-        if not isinstance(motion, ToolSpline):
-            if stretch.place.order == order:
-                yield k, 0.0, motion.end
-            continue
-        orders = _orders(stretch, motion)
+        orders, begins = stretch.line_orders, stretch.lines_s
         low, high = bisect_left(orders, order), bisect_right(orders, order)
         if low < high:
-            end = motion.lines_s[high] if high < len(motion.lines_s) else motion.end
-            yield k, max(motion.lines_s[low], 0.0), end
+            yield k, max(begins[low], 0.0), begins[high] if high < len(begins) else stretch.motion.end

@@ -19,14 +19,12 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from controller.geometry.vectors import Vector, add, norm, scale
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine, Tool
 from controller.messages import Message, message, text
 from controller.motion.motions import SurfaceCut
-from controller.plan.restart.program_position import line_of
 from controller.plan.rotaries.branch import joints_along
 from controller.plan.stretch import Stretch, joints_of, rotaries_of, straight, xyz_of
 from controller.plan.surfaces import audit, links
@@ -34,8 +32,6 @@ from controller.plan.surfaces.cuts import edge
 from controller.plan.surfaces.leads import LEADS, End
 from controller.plan.surfaces.walls import NONE, Walls
 from controller.program.program import Place
-
-Array = npt.NDArray[np.float64]
 
 RETRACT_MM_S = 10.0  # off the part, and down to where the tool waits or its feed begins
 TURNING_MM_S = 5.0  # to a place of a program that stands, or turns rotaries alone: its feed is not the tip's
@@ -107,16 +103,6 @@ def apart(one: Joints, other: Joints, kinematics: Kinematics) -> float:
     return math.dist(kinematics.forward(one, 0.0).tip, kinematics.forward(other, 0.0).tip)
 
 
-def see_free(now: Joints, allowed_mm: float, fitted: Fitted, kinematics: Kinematics) -> None:
-    """Raises NotPossible where a tool that was fitted meanwhile stands in a wall, deeper than is allowed."""
-    tool = fitted.tool
-    if tool is None:
-        return
-    stands = fitted.walls.at(now, tool, kinematics)
-    if stands.depth_mm > max(allowed_mm, STANDS_MM):
-        raise NotPossible(message("aside.stands", tool=tool.number, depth=stands.depth_mm, line=stands.line))
-
-
 # ---- onto the path -----------------------------------------------------------------
 
 
@@ -125,82 +111,105 @@ def is_free(stretch: Stretch) -> bool:
     return stretch.feed_mm_s is None or stretch.name in FREE or stretch.name in BEGUN_AGAIN
 
 
-def enter(
-    stretch: Stretch, s: float, fitted: Fitted, clear_mm: float, machine: Machine, kin: Kinematics
-) -> Reentry:
-    """The way onto a stretch at ``s``. Raises NotPossible.
+@dataclass(frozen=True, slots=True)
+class Entrance:
+    """Lays ways onto a path, with what is fitted on a machine."""
 
-    ``clear_mm``: along the tool axis, from where on it is above the part.
-    """
-    joints = joints_at(stretch, s, kin)
-    if is_free(stretch):
-        return Reentry(joints, s)
-    if isinstance(stretch.motion, SurfaceCut):
-        return _beside_a_surface(stretch, stretch.motion, s, joints, fitted, machine, kin)
-    return _over_a_line(stretch, s, joints, clear_mm, machine, kin)
+    machine: Machine
+    kinematics: Kinematics
+    fitted: Fitted = Fitted()
 
+    @property
+    def _off_mm(self) -> float:
+        """Of a lead."""
+        return self.machine.lead_mm if self.machine.lead_mm > 0.0 else OFF_MM
 
-def enter_pause(joints: Joints, place: Place, clear_mm: float, machine: Machine, kin: Kinematics) -> Reentry:
-    """The way to a place where the program stands, in contact perhaps."""
-    waits = _above(joints, clear_mm, machine, kin)
-    return Reentry(waits, 0.0, _down(waits, joints, place, TURNING_MM_S, machine, kin))
+    def see_free(self, now: Joints, allowed_mm: float) -> None:
+        """Raises NotPossible where a tool that was fitted meanwhile is in a wall, deeper than is allowed."""
+        tool = self.fitted.tool
+        if tool is None:
+            return
+        stands = self.fitted.walls.at(now, tool, self.kinematics)
+        if stands.depth_mm > max(allowed_mm, STANDS_MM):
+            where = {"tool": tool.number, "depth": stands.depth_mm, "line": stands.line}
+            raise NotPossible(message("aside.stands", **where))
 
+    def enter(self, stretch: Stretch, s: float, clear_mm: float) -> Reentry:
+        """The way onto a stretch at ``s``. Raises NotPossible.
 
-def _beside_a_surface(
-    stretch: Stretch,
-    cut: SurfaceCut,
-    s: float,
-    joints: Joints,
-    fitted: Fitted,
-    machine: Machine,
-    kin: Kinematics,
-) -> Reentry:
-    """By a lead that joins the cut; where none stays off the walls, by a line that rests at the ruling."""
-    tool = fitted.tool
-    off_mm = machine.lead_mm if machine.lead_mm > 0.0 else OFF_MM
-    end = End.at(stretch, s, joints, edge(cut, cut.arc.u_at(s)), off_mm, cut.length_mm, True, kin)
-    allowed_mm = most_mm = 0.0
-    if tool is not None:
-        near = np.clip(s + BESIDE_MM * np.linspace(-1.0, 1.0, 17), 0.0, cut.end)
-        allowed_mm = max(0.0, fitted.walls.deepest(stretch, near, tool, kin).depth_mm)
-        most_mm = allowed_mm + max(MORE_MM, MORE * allowed_mm)
-    for lead in end.joined(machine):
-        if _lets(lead, most_mm, fitted, machine, kin):
-            return Reentry(lead.start, s, (lead,), True, most_mm)
-    off = end.straight_off()
-    if off is not None and _lets(off, most_mm, fitted, machine, kin):
-        return Reentry(off.start, s, (off,), False, most_mm)
-    raise NotPossible(message("aside.no_lead", line=line_of(stretch, s)))
+        ``clear_mm``: along the tool axis, from where on it is above the part.
+        """
+        joints = joints_at(stretch, s, self.kinematics)
+        if is_free(stretch):
+            return Reentry(joints, s)
+        if isinstance(stretch.motion, SurfaceCut):
+            return self._beside_a_surface(stretch, stretch.motion, s, joints)
+        return self._over_a_line(stretch, s, joints, clear_mm)
 
+    def enter_pause(self, joints: Joints, place: Place, clear_mm: float) -> Reentry:
+        """The way to a place where the program stands, in contact perhaps."""
+        waits = self._above(joints, clear_mm)
+        return Reentry(waits, 0.0, self._down(waits, joints, place, TURNING_MM_S))
 
-def _lets(lead: Stretch, most_mm: float, fitted: Fitted, machine: Machine, kin: Kinematics) -> bool:
-    """Whether a lead stays in travel, off the walls but where it meets its cut, and begins clear of them."""
-    s = np.linspace(0.0, lead.motion.end, audit.TURN_POSES)
-    if audit.outside(machine, s, joints_along(lead, s, kin)) is not None:
-        return False
-    if fitted.tool is None:
-        return True
-    walls, tool = fitted.walls, fitted.tool
-    return walls.deepest(lead, s, tool, kin).depth_mm <= most_mm and walls.at(lead.start, tool, kin).is_clear
+    def _beside_a_surface(self, stretch: Stretch, cut: SurfaceCut, s: float, joints: Joints) -> Reentry:
+        """By a lead that joins the cut; where none stays off walls, by a line that rests at the ruling."""
+        tool, walls, kin = self.fitted.tool, self.fitted.walls, self.kinematics
+        end = End.at(stretch, s, joints, edge(cut, cut.arc.u_at(s)), self._off_mm, cut.length_mm, True, kin)
+        allowed_mm = most_mm = 0.0
+        if tool is not None:
+            near = np.clip(s + BESIDE_MM * np.linspace(-1.0, 1.0, 17), 0.0, cut.end)
+            allowed_mm = max(0.0, walls.deepest(stretch, near, tool, kin).depth_mm)
+            most_mm = allowed_mm + max(MORE_MM, MORE * allowed_mm)
+        for lead in end.joined(self.machine):
+            if self._lets(lead, most_mm):
+                return Reentry(lead.start, s, (lead,), True, most_mm)
+        off = end.straight_off()
+        if off is not None and self._lets(off, most_mm):
+            return Reentry(off.start, s, (off,), False, most_mm)
+        raise NotPossible(message("aside.no_lead", line=stretch.line_at(s)))
 
+    def _lets(self, lead: Stretch, most_mm: float) -> bool:
+        """Whether a lead stays in travel, off walls but where it meets its cut, and begins clear of them."""
+        s = np.linspace(0.0, lead.motion.end, audit.TURN_POSES)
+        tool, walls, kin = self.fitted.tool, self.fitted.walls, self.kinematics
+        if audit.outside(self.machine, s, joints_along(lead, s, kin)) is not None:
+            return False
+        if tool is None:
+            return True
+        return (
+            walls.deepest(lead, s, tool, kin).depth_mm <= most_mm and walls.at(lead.start, tool, kin).is_clear
+        )
 
-def _over_a_line(
-    stretch: Stretch, s: float, joints: Joints, clear_mm: float, machine: Machine, kin: Kinematics
-) -> Reentry:
-    """Down along the tool axis, the end of it a lead along what the line has cut, as far as that goes."""
-    off_mm = machine.lead_mm if machine.lead_mm > 0.0 else OFF_MM
-    feed_mm_s = _feed(stretch, s)
-    length_mm = getattr(stretch.motion, "length_mm", 0.0)
-    axis = kin.forward(joints, length_mm).axis
-    end = End.at(stretch, s, joints, axis, off_mm, length_mm, True, kin)
-    most = _along_the_cut(end, s)
-    lead = next(replace(end, most=most).joined(machine), None) if most * end.tip_rate >= SHORTEST_MM else None
-    into = joints if lead is None else lead.start
-    waits = _above(into, clear_mm, machine, kin)
-    down = _down(waits, into, stretch.place, feed_mm_s, machine, kin)
-    if lead is None:
-        return Reentry(waits, s, down)
-    return Reentry(waits, s, (*down, lead), True)
+    def _over_a_line(self, stretch: Stretch, s: float, joints: Joints, clear_mm: float) -> Reentry:
+        """Down along the tool axis, the end of it a lead along what the line has cut, as far as that goes."""
+        kin, feed_mm_s = self.kinematics, _feed(stretch, s)
+        length_mm = getattr(stretch.motion, "length_mm", 0.0)
+        axis = kin.forward(joints, length_mm).axis
+        end = End.at(stretch, s, joints, axis, self._off_mm, length_mm, True, kin)
+        most = _along_the_cut(end, s)
+        is_long = most * end.tip_rate >= SHORTEST_MM
+        lead = next(replace(end, most=most).joined(self.machine), None) if is_long else None
+        into = joints if lead is None else lead.start
+        waits = self._above(into, clear_mm)
+        down = self._down(waits, into, stretch.place, feed_mm_s)
+        if lead is None:
+            return Reentry(waits, s, down)
+        return Reentry(waits, s, (*down, lead), True)
+
+    def _above(self, joints: Joints, clear_mm: float) -> Joints:
+        """Where the tool waits over a place: above the part, as far as the travel lets it."""
+        room_mm = room_along_axis(joints, self.machine, self.kinematics)
+        return along_axis(joints, min(clear_mm, room_mm), self.kinematics)
+
+    def _down(self, waits: Joints, joints: Joints, place: Place, feed_mm_s: float) -> tuple[Stretch, ...]:
+        """Along the tool axis, the last of it at feed."""
+        kin, off_mm = self.kinematics, max(self.machine.lead_mm, OFF_MM)
+        near = along_axis(joints, off_mm, kin) if apart(waits, joints, kin) > off_mm else waits
+        ways = (
+            straight("plunge", place, waits, near, RETRACT_MM_S, kin),
+            straight("plunge", place, near, joints, feed_mm_s, kin),
+        )
+        return tuple(way for way in ways if way is not None)
 
 
 def _along_the_cut(end: End, s: float) -> float:
@@ -217,24 +226,6 @@ def _feed(stretch: Stretch, s: float) -> float:
     if curve is not None and norm(tuple(np.subtract(curve.at(1.0), curve.at(0.0)))) < 1e-6:
         return TURNING_MM_S
     return min(RETRACT_MM_S, float(stretch.feed_at(np.array([s]))[0]))
-
-
-def _above(joints: Joints, clear_mm: float, machine: Machine, kin: Kinematics) -> Joints:
-    """Where the tool waits over a place: above the part, as far as the travel lets it."""
-    return along_axis(joints, min(clear_mm, room_along_axis(joints, machine, kin)), kin)
-
-
-def _down(
-    waits: Joints, joints: Joints, place: Place, feed_mm_s: float, machine: Machine, kin: Kinematics
-) -> tuple[Stretch, ...]:
-    """Along the tool axis, the last of it at feed."""
-    off_mm = max(machine.lead_mm, OFF_MM)
-    near = along_axis(joints, off_mm, kin) if apart(waits, joints, kin) > off_mm else waits
-    ways = (
-        straight("plunge", place, waits, near, RETRACT_MM_S, kin),
-        straight("plunge", place, near, joints, feed_mm_s, kin),
-    )
-    return tuple(way for way in ways if way is not None)
 
 
 # ---- along the tool axis -------------------------------------------------------------

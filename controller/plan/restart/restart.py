@@ -14,13 +14,10 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-import numpy as np
-import numpy.typing as npt
-
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine
 from controller.messages import Message, message
-from controller.motion.motions import Rotaries, ToolSpline
+from controller.motion.motions import Rotaries
 from controller.plan.path import clamps, spindle_by_hand, tool_changes
 from controller.plan.path.path import PathBuilder
 from controller.plan.restart import entry
@@ -30,12 +27,9 @@ from controller.plan.restart.program_position import (
     FORMER,
     Spot,
     fraction_at,
-    line_of,
-    lines_of,
-    order_of,
     place_in,
 )
-from controller.plan.restart.reentry import Fitted, begins_at, joints_at
+from controller.plan.restart.reentry import Entrance, Fitted, begins_at, joints_at
 from controller.plan.restart.tops import Tops
 from controller.plan.stretch import Chain, Pause
 from controller.plan.surfaces.walls import NONE, Walls
@@ -53,8 +47,6 @@ from controller.program.program import (
     ProgramError,
     TipLine,
 )
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,8 +94,8 @@ class Rest:
     def entered(self, now: Joints, in_spindle: int) -> Iterator[Chain | Pause]:
         """All of the path: from the joints ``now`` to the place, and the rest. Raises ProgramError."""
         here = self.source
-        fitted = here.fitted(self.target.modal)
-        way = entry.enter(self.target, now, in_spindle, fitted, here.machine, here.kinematics, here.name)
+        entrance = Entrance(here.machine, here.kinematics, here.fitted(self.target.modal))
+        way = entry.enter(self.target, now, in_spindle, entrance, here.name)
         first = self._first_line() if here.machine.changer is not None else []
         return self.opened(itertools.chain(named(way, ENTRY_ID), first, self.items))
 
@@ -112,12 +104,11 @@ class Rest:
         first: list[Chain | Pause] = []
         for item in self.items:
             first.append(item)
-            place = item.place if isinstance(item, Pause) else item.stretches[0].place
             if isinstance(item, Pause) and item.changing is not None:
                 if item.changing.step == 0:
                     break
-                raise place.refusal(self.source.name, message("tool.restart_inside"))
-            if place.order > self.order:
+                raise item.place.refusal(self.source.name, message("tool.restart_inside"))
+            if item.place.order > self.order:
                 break
         return first
 
@@ -225,7 +216,7 @@ class _Search:
         self._note_tops(chain)
         self._count += len(chain.stretches)
         self._stands = chain.stretches[-1].end
-        self._lines.forget(chain.stretches[0].place.order)
+        self._lines.forget(chain.place.order)
 
     # --- where
 
@@ -241,10 +232,10 @@ class _Search:
         if motion_id >= 0:
             k = motion_id - self._count
             return (k, s) if 0 <= k < len(chain.stretches) else None
-        self._goes_back |= chain.stretches[0].place.step != 0
+        self._goes_back |= chain.place.step != 0
         if fraction > 0.0:
             found = place_in(chain, line, fraction)
-            if not self._goes_back and found is None and lines_of(chain.stretches[0])[0] > line:
+            if not self._goes_back and found is None and chain.stretches[0].line_at(0.0) > line:
                 raise self._none("restart.moves_nothing")
             return found
         return self._first(chain, line)
@@ -255,10 +246,9 @@ class _Search:
         if self._goes_back:
             return self._first_of(chain, line)
         for k, stretch in enumerate(chain.stretches):
-            low, high = lines_of(stretch)
-            if low >= line:
+            if stretch.line_at(0.0) >= line:
                 return k, 0.0
-            if high >= line:
+            if stretch.line_at(stretch.motion.end) >= line:
                 found = place_in(chain, line, 0.0)
                 return found if found is not None else (k, stretch.motion.end)
         return None
@@ -268,7 +258,7 @@ class _Search:
         for k, stretch in enumerate(chain.stretches):
             if stretch.place.line == line:
                 return k, 0.0
-            if isinstance(stretch.motion, ToolSpline) and line in stretch.motion.lines:
+            if line in stretch.lines:
                 return place_in(chain, line, 0.0)
         return None
 
@@ -276,7 +266,7 @@ class _Search:
         """What comes next after the tool change of the line, of the same line, too."""
         changed = -1  # its ``Place.order``
         for item in self._items:
-            place = item.place if isinstance(item, Pause) else item.stretches[0].place
+            place = item.place
             self._goes_back |= place.step != 0
             if not isinstance(item, Pause):
                 if changed >= 0:
@@ -313,14 +303,14 @@ class _Search:
         stretch = chain.stretches[k]
         s = begins_at(stretch, s) or 0.0
         self._check_known()
-        line = line_of(stretch, s)
-        known = self._lines.at(order_of(stretch, s))
+        order = stretch.order_at(s)
+        known = self._lines.at(order)
         state = known.moving or known.before
         joints = joints_at(stretch, s, self._source.kinematics)
         rest = replace(chain, stretches=chain.stretches[k:], from_s=s, first_id=self._count + k)
-        spot = Spot(line, fraction_at(chain, k, s), self._count + k, s)
+        spot = Spot(stretch.line_at(s), fraction_at(chain, k, s), self._count + k, s)
         target = entry.Target(joints, state, stretch.place, self._clear(joints, state), stretch, s)
-        return Rest(spot, target, stretch.name, _then(rest, self._items), self._source, order_of(stretch, s))
+        return Rest(spot, target, stretch.name, _then(rest, self._items), self._source, order)
 
     def _at_pause(self, pause: Pause, state: Modal | None = None) -> Rest:
         """``state``: in which it is entered; None: that before the line."""

@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from controller.geometry.arrays import rows
 from controller.geometry.vectors import Vector
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints
-from controller.motion.motions import SurfaceCut
 from controller.plan.rotaries.branch import joints_along
 from controller.plan.stretch import Stretch
-
-Array = npt.NDArray[np.float64]
 
 SIDE = 33  # samples along a motion
 MAX_POINTS = 20_000  # points
@@ -44,14 +40,14 @@ class Tops:
         return max((a * (p - x) + b * (q - y) + c * (r - z) for p, q, r in self._points), default=0.0)
 
     def _of(self, stretch: Stretch, length_mm: float) -> list[Vector]:
-        motion, kinematics = stretch.motion, self._kinematics
-        if isinstance(motion, SurfaceCut) and stretch.cutting:
+        kinematics = self._kinematics
+        if (cut := stretch.cut) is not None:
             u = np.linspace(0.0, 1.0, SIDE)
-            top, tip = motion.surface.point(u, 0.0 * u, np), motion.surface.contact(u, np)
-            return [*_points(motion.part.to_parent(top)), *_points(motion.part.to_parent(tip))]
+            top, tip = cut.surface.point(u, 0.0 * u, np), cut.surface.contact(u, np)
+            return [*_points(cut.part.to_parent(top)), *_points(cut.part.to_parent(tip))]
         if stretch.name == "line":
             return [kinematics.forward(joints, length_mm).tip for joints in (stretch.start, stretch.end)]
-        joints = joints_along(stretch, np.linspace(0.0, motion.end, SIDE), kinematics)
+        joints = joints_along(stretch, np.linspace(0.0, stretch.motion.end, SIDE), kinematics)
         return _points(kinematics.forward(tuple(joints.T), length_mm, np).tip)
 
 

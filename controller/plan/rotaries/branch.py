@@ -13,10 +13,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-from controller.geometry.arrays import columns, distinct
-from controller.geometry.placement import Placed
+from controller.geometry.arrays import Array, columns, distinct
 from controller.geometry.surfaces import Cone
 from controller.geometry.vectors import Vector, scale
 from controller.machine.kinematics import Kinematics
@@ -25,8 +23,6 @@ from controller.motion.motions import JointMove, Rotaries, SurfaceCut, ToolLine,
 from controller.plan.rotaries import tool_paths
 from controller.plan.rotaries.turns import JUMP_RAD, NAN, SAME_AXIS_RAD, TURN, wrapped
 from controller.plan.stretch import Stretch, rotaries_of
-
-Array = npt.NDArray[np.float64]
 
 REMEMBERED = 64  # cuts that are followed once: they are asked for again and again
 OFTEN, STILL_RAD = 65, 1e-15  # places at which an axis may not be further than this from where it begins
@@ -103,8 +99,7 @@ class Field:
 
 def _grid(cut: SurfaceCut) -> Array:
     """Samples dense enough that no rotary turns half a turn unseen between two."""
-    surface = cut.surface
-    base = surface.base if isinstance(surface, Placed) else surface
+    base = cut.surface.nominal
     turns = abs(base.sweep_rad) / TURN if isinstance(base, Cone) else 0.0
     even = np.linspace(0.0, 1.0, 129 + 2 * math.ceil(32 * turns))
     return distinct(np.concatenate((even, beside_pole(cut)))) if cut.beside_pole else even

@@ -15,13 +15,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from controller.geometry.arrays import cross
+from controller.geometry.arrays import Array, cross
 from controller.geometry.vectors import Vector
 from controller.machine.kinematics import Kinematics
 from controller.motion.motions import Rotaries
 from controller.plan.rotaries.turns import JUMP_RAD, NAN, SAME_AXIS_RAD, TURN, wrapped
 
-Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
 
 TURNED_OVER_RAD = math.pi - 1e-6  # between two axes this far apart no great circle is told

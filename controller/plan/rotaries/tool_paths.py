@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 import numpy.typing as npt
 
 from controller.geometry import series as jets
-from controller.geometry.arrays import columns, distinct
+from controller.geometry.arrays import Array, columns, distinct
 from controller.geometry.vectors import Number, Vector
 from controller.machine.kinematics import Kinematics
 from controller.motion.motions import ROW, ToolLine, ToolSpline
 from controller.plan.rotaries.tool_axes import GreatCircles, follow
 from controller.plan.rotaries.turns import TURN
 
-Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
 
 # Exact derivatives of the rotaries are 0/0 at a pole and lose digits beside it; this
@@ -100,12 +99,12 @@ def derivatives_of_lines(
     pairs = tuple(zip(_each(lines, "start_rotaries", of), _each(lines, "end_rotaries", of), strict=True))
     first, second = (a + x * (b - a) for a, b in pairs)
     if not lines[0].even:
-        shown = np.stack([a + share * (b - a) for a, b in pairs], axis=1)
+        shown = tuple(a + share * (b - a) for a, b in pairs)
         angle = np.array([line.angle_rad for line in lines])[of]
         c, w = jets.cos(x * angle), jets.sin(x * angle)
         axis, across = _each(lines, "axis", of), _each(lines, "across", of)
         ax, ay, az = (c * a + w * b for a, b in zip(axis, across, strict=True))
-        first, second = _nearest(kinematics.branches((ax, ay, az), jets), shown)
+        first, second = nearest(kinematics.branches((ax, ay, az), jets), shown)
     return _orders((tip[0], tip[1], tip[2], first, second), True, lines[0].length_mm, kinematics, s)
 
 
@@ -115,7 +114,7 @@ def rates_of_circles(circles: GreatCircles, share: float, shown: Array, kinemati
     x = jets.Jet(np.stack([none + share, none + 1.0, none, none]))
     c, w = jets.cos(x * circles.angle), jets.sin(x * circles.angle)
     ax, ay, az = (c * a + w * b for a, b in zip(circles.axis.T, circles.across.T, strict=True))
-    turned = _nearest(kinematics.branches((ax, ay, az), jets), shown)
+    turned = nearest(kinematics.branches((ax, ay, az), jets), shown.T)
     return np.stack([_coefficient(q, 1, none) for q in turned], axis=1)
 
 
@@ -146,16 +145,16 @@ def _rotary_jets(line: ToolLine, share: Array, x: jets.Jet, kinematics: Kinemati
         pairs = zip(line.start_rotaries, line.end_rotaries, strict=True)
         first, second = (a + x * (b - a) for a, b in pairs)
         return first, second
-    shown = _rotaries(line, share, kinematics)
+    shown = _rotaries(line, share, kinematics).T
     c, w = jets.cos(x * line.angle_rad), jets.sin(x * line.angle_rad)
     ax, ay, az = (c * a + w * b for a, b in zip(line.axis, line.across, strict=True))
-    return _nearest(kinematics.branches((ax, ay, az), jets), shown)
+    return nearest(kinematics.branches((ax, ay, az), jets), shown)
 
 
-def _nearest(pairs: Sequence[tuple[Number, Number]], shown: Array) -> tuple[Number, Number]:
-    """Of both branches at each place the one next to the rotaries ``shown`` (N, 2)."""
+def nearest(pairs: Sequence[tuple[Number, Number]], shown: Iterable[Array]) -> tuple[Number, Number]:
+    """Of both branches at each place the one next to the rotaries ``shown``, each (N,)."""
     one, other = pairs
-    away = [sum(1.0 - np.cos(q.c[0] - shown[:, i]) for i, q in enumerate(pair)) for pair in (one, other)]
+    away = [sum(1.0 - np.cos(q.c[0] - at) for q, at in zip(pair, shown, strict=True)) for pair in pairs]
     near = np.asarray(away[0] <= away[1])
     first, second = (jets.Jet(np.where(near, p.c, q.c)) for p, q in zip(one, other, strict=True))
     return first, second
@@ -210,8 +209,12 @@ def _orders(
     x, y, z, a, b = values
     if tips:
         x, y, z = kinematics.linear((x, y, z), (a, b), length_mm, jets)
-    series = (x, y, z, a, b)
-    joints = kinematics.arrange(series)
+    return orders((x, y, z, a, b), kinematics, s)
+
+
+def orders(values: tuple[Number, ...], kinematics: Kinematics, s: Array) -> tuple[Array, Array, Array]:
+    """First to third derivatives (N, axes) of joints by series of X Y Z and both rotaries at ``s`` (N,)."""
+    joints = kinematics.arrange(values)
     first, second, third = (np.stack([_coefficient(q, k, s) for q in joints], axis=1) for k in (1, 2, 3))
     return first, 2.0 * second, 6.0 * third
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from controller.geometry.arrays import Array
 
 TURN = 2.0 * math.pi
 JUMP_RAD = 0.5  # largest change between two samples that needs no further halving

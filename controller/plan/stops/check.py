@@ -9,13 +9,10 @@ from __future__ import annotations
 import itertools
 
 import numpy as np
-import numpy.typing as npt
 
+from controller.geometry.arrays import Array, Flags
 from controller.plan.stops.search import Found, Indices, Motion
 from controller.plan.stops.way import ACCELERATION, JERK, RAPID, Way
-
-Array = npt.NDArray[np.float64]
-Flags = npt.NDArray[np.bool_]
 
 # Accepted at most. A plan runs at up to 1.0, 1.0005 and 1.012, and a stop begins there.
 MAX_VELOCITY, MAX_ACCELERATION, MAX_JERK = 1.0003, 1.0009, 1.0148

@@ -7,14 +7,12 @@ Between two corners there is hardly a tick, so that no single one of them counts
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from controller.geometry.arrays import Array
 from controller.plan.feed.course import FeedCourse
 from controller.plan.feed.profile import Profile
 from controller.plan.feed.ticked import beside, of
 from controller.plan.stops.way import SPEED, TINY, Way, lower
-
-Array = npt.NDArray[np.float64]
 
 
 class RowWay(Way):

@@ -26,9 +26,9 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from controller.geometry.arrays import Array
 from controller.plan.stops.way import ACCELERATION, JERK, SPEED, STILL, Way
 
-Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.intp]
 Motion = tuple[Array, Array, Array]  # s, v, a, each (N,)
 

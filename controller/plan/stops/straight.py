@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from controller.geometry.arrays import Array
 from controller.plan.stops.search import (
     AHEAD_OF_PLAN,
     CONTRADICTION,
@@ -20,8 +21,6 @@ from controller.plan.stops.search import (
     landing_of,
 )
 from controller.plan.stops.way import Straight, Way
-
-Array = npt.NDArray[np.float64]
 
 AT_ONCE = 16  # steps
 

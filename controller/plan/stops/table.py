@@ -18,9 +18,8 @@ import math
 from array import array
 
 import numpy as np
-import numpy.typing as npt
 
-from controller.geometry.arrays import distinct
+from controller.geometry.arrays import Array, Flags, distinct
 from controller.ipc.handoff import StopTable
 from controller.plan.feed import ticked
 from controller.plan.feed.course import FeedCourse
@@ -30,9 +29,6 @@ from controller.plan.stops.check import STANDSTILL, check
 from controller.plan.stops.row_way import RowWay
 from controller.plan.stops.search import MAX_STEPS, Found, Indices, Motion, Ramps, Shares, Stuck, search
 from controller.plan.stops.way import Way
-
-Array = npt.NDArray[np.float64]
-Flags = npt.NDArray[np.bool_]
 
 # Shares of the jerk, of the acceleration, and of the jerk on the landing.
 FIRST = (1.004, 0.9995, 1.0)

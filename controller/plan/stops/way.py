@@ -14,14 +14,11 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from controller.geometry.arrays import distinct, within
+from controller.geometry.arrays import Array, Flags, distinct, within
 from controller.plan.feed.course import FeedCourse
 from controller.plan.feed.limits import JointLimits
 from controller.plan.feed.profile import Profile
 from controller.plan.junctions import JUMP_SHARE
-
-Array = npt.NDArray[np.float64]
-Flags = npt.NDArray[np.bool_]
 
 NODE_STEP_S = 1e-3  # of the plan, between two nodes
 MIN_STEP = 1e-9  # between two nodes, in the unit of s

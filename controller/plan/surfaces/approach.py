@@ -18,8 +18,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from controller.geometry.arrays import Array
 from controller.geometry.curves import Arc
 from controller.geometry.vectors import Vector, cross, dot, norm, scale, subtract
 from controller.machine.kinematics import Kinematics
@@ -34,8 +34,6 @@ from controller.plan.surfaces.leads import Lead
 from controller.plan.surfaces.legs import CutSegment
 from controller.plan.surfaces.train import Meeting
 from controller.program.program import Place
-
-Array = npt.NDArray[np.float64]
 
 QUARTER = math.pi / 2.0
 

@@ -7,9 +7,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-from controller.geometry.arrays import rows
+from controller.geometry.arrays import Array, rows
 from controller.geometry.vectors import ROUNDING, Vector
 from controller.machine import tool_profile
 from controller.machine.model import Axis, Joints, Machine, Tool
@@ -17,8 +16,6 @@ from controller.messages import Message, message
 from controller.motion.motions import SurfaceCut
 from controller.plan.surfaces import deviation
 from controller.plan.surfaces.cuts import Cut, flank
-
-Array = npt.NDArray[np.float64]
 
 MOVE = message("travel.move")  # what helps against a joint outside of its travel
 POINTS_PER_CUT = (161, 7)  # along and across, for the gouge check of leads

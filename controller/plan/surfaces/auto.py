@@ -13,9 +13,8 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-import numpy.typing as npt
 
-from controller.geometry.arrays import columns
+from controller.geometry.arrays import Array, columns
 from controller.geometry.placement import Placed, Strategy
 from controller.geometry.surfaces import Surface
 from controller.machine.kinematics import Kinematics, kinematics_of
@@ -24,10 +23,8 @@ from controller.plan.rotaries.branch import joints_along
 from controller.plan.stretch import Diagnostics, Stretch
 from controller.plan.surfaces import approach, blending, cuts, leads, placements, train
 from controller.plan.surfaces.cuts import Cut, Parts
-from controller.plan.surfaces.placing import CHOSEN_FROM, Grid, as_the_paper, base_of
+from controller.plan.surfaces.placing import CHOSEN_FROM, Grid, as_the_paper
 from controller.program.program import CutBlock, ProgramError
-
-Array = npt.NDArray[np.float64]
 
 MIDDLE = 0.1  # of u: so far from the ends of a block nothing but its cuts counts
 BESIDE = np.linspace(0.0, 1.0, 129)[1:] ** 2  # of a lead, closer where it joins the cut
@@ -48,7 +45,7 @@ def _least_off(parts: Parts, machine: Machine, name: str) -> tuple[Surface, ...]
     ways = [row.placed(kind) for kind in CHOSEN_FROM]
     if all(way == ways[0] for way in ways):
         return ways[0]
-    grids = [[Grid.of(as_the_paper(base_of(one), row.cutter)) for one in way] for way in ways]
+    grids = [[Grid.of(as_the_paper(one.nominal, row.cutter)) for one in way] for way in ways]
     cut = [parts.cuts(way, machine) for way in ways]
     least = [_middle(*each) for each in zip(cut, grids, strict=True)]
     best, found = 0, np.inf

@@ -23,12 +23,11 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from controller.geometry.arrays import rows
+from controller.geometry.arrays import Array, rows
 from controller.geometry.curves import Curve
 from controller.geometry.splines import BSpline, simplest
 from controller.geometry.surfaces import Surface
 
-Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
 
 ORDER = 6

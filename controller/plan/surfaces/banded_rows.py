@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from controller.geometry.arrays import Array, Flags
+
 Index = npt.NDArray[np.intp]
-Mask = npt.NDArray[np.bool_]
 
 SLAB = 64  # rows of one product of matrices
 STEPS = 40  # of the interior point, at most
@@ -134,7 +134,7 @@ class Rows:
         return np.asarray(np.append(y, 0.0)[self.order])
 
 
-def least_squares(rows: Rows, y: Array, both: Mask, price: Banded, pull: Array) -> Array:
+def least_squares(rows: Rows, y: Array, both: Flags, price: Banded, pull: Array) -> Array:
     """The x that makes sum (y + rows x)^2 + x price x + 2 pull x least; raises LinAlgError where none does.
 
     Rows that are not of ``both`` signs count where y is negative.
@@ -143,7 +143,7 @@ def least_squares(rows: Rows, y: Array, both: Mask, price: Banded, pull: Array) 
     return (rows.squares(weights) + price).solve(-rows.transposed(weights * y) - pull)
 
 
-def least_largest(rows: Rows, y: Array, both: Mask, price: Banded, pull: Array) -> Array:
+def least_largest(rows: Rows, y: Array, both: Flags, price: Banded, pull: Array) -> Array:
     """The x that makes t + (x price x) / 2 + pull x least, where t is the largest of |y + rows x|.
 
     Of rows that are not of ``both`` signs only -(y + rows x) counts. A primal-dual interior point method:

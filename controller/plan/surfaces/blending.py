@@ -18,8 +18,8 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from controller.geometry.arrays import Array
 from controller.geometry.placement import Blend
 from controller.geometry.vectors import add, angle_between, cross, dot, norm, scale, subtract
 from controller.machine.kinematics import Kinematics
@@ -31,8 +31,6 @@ from controller.plan.surfaces.blends import End, Looked, Rounding, between, led_
 from controller.plan.surfaces.cuts import MAX_KNOWN, REMEMBERED, SAME_RAD, Cut, apart, edge, turned
 from controller.plan.surfaces.placements import name_of
 from controller.program.program import Modal
-
-Array = npt.NDArray[np.float64]
 
 USEFUL_S = 0.1  # a blend takes so long at the feed, on either side, unless it is passed more slowly then
 USEFUL_MM = (1.0, 10.0)

@@ -8,11 +8,10 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from numpy.polynomial import Polynomial
 
 from controller.geometry import series
-from controller.geometry.arrays import rows
+from controller.geometry.arrays import Array, Flags, rows
 from controller.geometry.curves import Curve
 from controller.geometry.placement import Blend, Blended, Placed
 from controller.geometry.vectors import Vector, add, dot, rotate, subtract, unit
@@ -20,8 +19,6 @@ from controller.memory import remembered
 from controller.motion.motions import SurfaceCut
 from controller.plan.surfaces import deviation
 
-Array = npt.NDArray[np.float64]
-Mask = npt.NDArray[np.bool_]
 Reaches = tuple[float, float]  # of the blends before and behind the joint, mm
 
 BESIDE = 1.25  # times the blend's own reach is looked at
@@ -221,7 +218,7 @@ class Looked:
     """Points (3, N) of both surfaces beside a joint, and how far each of both flanks is from them."""
 
     points: Array
-    own: tuple[Mask, Mask]  # of each flank: which of the points are on its own surface, (N,)
+    own: tuple[Flags, Flags]  # of each flank: which of the points are on its own surface, (N,)
     flanks: tuple[Placed, Placed]
     seen: tuple[deviation.Deviation, deviation.Deviation]
 

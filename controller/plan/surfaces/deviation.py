@@ -23,14 +23,12 @@ from typing import NamedTuple, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from controller.geometry.arrays import distinct, rows
+from controller.geometry.arrays import Array, Flags, distinct, rows
 from controller.geometry.placement import Barrel, Placed
 from controller.geometry.surfaces import Surface
 from controller.geometry.vectors import Pose, Vector, dot, scale, subtract
 
-Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
-Mask = npt.NDArray[np.bool_]
 
 SEARCHED = 97  # positions among which all contacts are sought
 NEAR_MM = 0.5  # that a contact may lie deeper than the position beside it
@@ -93,7 +91,7 @@ class Contacts(NamedTuple):
 
     of: Index  # (M,) the point
     seen: Deviation  # (M,) there
-    nearest: Mask  # (M,) whether no other one of its point comes nearer
+    nearest: Flags  # (M,) whether no other one of its point comes nearer
 
 
 def contacts(placed: Flank, at: Array, within_mm: float, own: Array, reach: float) -> Contacts:

@@ -25,16 +25,14 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from controller.geometry.arrays import rows
+from controller.geometry.arrays import Array, Flags, rows
 from controller.geometry.placement import Barrel, Placed
 from controller.geometry.vectors import Pose
 from controller.plan.surfaces import deviation
 from controller.plan.surfaces.axis_curves import Basis, turn_of
 from controller.plan.surfaces.banded_rows import Banded, Rows, least_largest, least_squares
 
-Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
-Mask = npt.NDArray[np.bool_]
 
 SPANS, PER_RAD = 8, 3.0  # the first, and those for a radian by which an edge or the ruling turns, if more
 FINER = (2, 4)  # times as many are tried in turn
@@ -94,7 +92,7 @@ class Points:
         cosine = np.abs((seen.away * self.normals[:, of]).sum(axis=0))
         return np.asarray(1.0 / np.maximum(cosine, MIN_COSINE))
 
-    def with_those(self, other: Points, which: Mask) -> Points:
+    def with_those(self, other: Points, which: Flags) -> Points:
         """These, and some others'."""
         both = zip((self.at, self.normals, self.t), (other.at, other.normals, other.t), strict=True)
         return Points(*(np.concatenate((own, more[..., which]), axis=-1) for own, more in both))
@@ -429,7 +427,7 @@ def _tried(
     points: Points,
     kind: _Kind,
     slopes: Rows,
-    step: Callable[[Array, Mask], Array],
+    step: Callable[[Array, Flags], Array],
     ways: Array,
 ) -> tuple[_Axis, _Seen] | None:
     """The axis after a step, and what it leaves, if that is less; what one misses counts in the next try."""
@@ -460,12 +458,12 @@ class _Kind:
     solve: Callable[..., Array]
 
 
-def _solve_squares(slopes: Rows, y: Array, both: Mask, price: Banded, pull: Array, damping: float) -> Array:
+def _solve_squares(slopes: Rows, y: Array, both: Flags, price: Banded, pull: Array, damping: float) -> Array:
     n = len(y)
     return least_squares(slopes, y, both, price.scaled(n, n * damping), n * pull)
 
 
-def _solve_largest(slopes: Rows, y: Array, both: Mask, price: Banded, pull: Array, damping: float) -> Array:
+def _solve_largest(slopes: Rows, y: Array, both: Flags, price: Banded, pull: Array, damping: float) -> Array:
     """Prices are against the square of the largest deviation."""
     size = float(np.abs(y[both]).max())
     per = 1.0 / size**2

@@ -20,9 +20,9 @@ from dataclasses import dataclass, replace
 from operator import itemgetter
 
 import numpy as np
-import numpy.typing as npt
 
 from controller.geometry import series as jets
+from controller.geometry.arrays import Array
 from controller.geometry.placement import AT_LOWER, Placed
 from controller.geometry.vectors import Vector, norm
 from controller.machine.kinematics import Kinematics
@@ -35,8 +35,6 @@ from controller.plan.surfaces import audit, rates
 from controller.plan.surfaces.cuts import Edge, beside, gouge, tolerance_mm
 from controller.plan.surfaces.legs import CutSegment
 from controller.program.program import Place
-
-Array = npt.NDArray[np.float64]
 
 LEADS = ("lead in", "lead out")
 POSES = 33  # of a lead that are looked at

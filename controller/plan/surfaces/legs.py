@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
+from controller.geometry.arrays import Array
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Kind, Machine
 from controller.messages import Key, message
@@ -22,8 +22,6 @@ from controller.plan.stretch import Diagnostics, Stretch
 from controller.plan.surfaces import audit, rates
 from controller.plan.surfaces.cuts import Cut, turn
 from controller.program.program import ProgramError
-
-Array = npt.NDArray[np.float64]
 
 PLACES = 33  # of a cut, at which its speed is looked at
 TINY = 1e-30

@@ -18,9 +18,9 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from controller.geometry import series
+from controller.geometry.arrays import Array
 from controller.geometry.placement import Blend
 from controller.geometry.vectors import angle_between, norm, subtract
 from controller.machine.kinematics import Kinematics
@@ -48,7 +48,6 @@ from controller.plan.surfaces.links import cubics
 from controller.plan.surfaces.train import choose
 from controller.program.program import Modal, ProgramError
 
-Array = npt.NDArray[np.float64]
 Follow = Callable[[SurfaceCut], Stretch | None]
 
 SHORTER = 0.75  # each blend that is tried is so much shorter than the one before

@@ -16,8 +16,8 @@ import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
+from controller.geometry.arrays import Array
 from controller.geometry.vectors import norm, subtract
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine
@@ -26,8 +26,6 @@ from controller.plan.surfaces import rates
 from controller.plan.surfaces.cuts import Cut
 from controller.plan.surfaces.leads import MAX_TURN_RAD, POSES, End, Room, lead_feed, spline_of
 from controller.plan.surfaces.legs import CutSegment
-
-Array = npt.NDArray[np.float64]
 
 NAME = "link"
 SHARES = (1.0, 0.5, 0.25, 0.0)  # of ``lead_mm``, how far its middle is off the straight way

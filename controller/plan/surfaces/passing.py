@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from controller.geometry.arrays import Array
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Axis, Machine
 from controller.motion.motions import SurfaceCut
@@ -18,7 +18,6 @@ from controller.plan.surfaces import rates
 from controller.plan.surfaces.cuts import Cut
 from controller.plan.surfaces.rates import Derivatives
 
-Array = npt.NDArray[np.float64]
 Pair = tuple[Cut, Cut]
 
 PASSED = 0.8  # of the feed: what is passed faster is left as it is

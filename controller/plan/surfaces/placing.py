@@ -15,8 +15,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from controller.geometry.arrays import Array
 from controller.geometry.placement import AT_LOWER, Barrel, Placed, Strategy
 from controller.geometry.surfaces import Surface
 from controller.machine.model import Tool
@@ -25,8 +25,6 @@ from controller.memory import remembered
 from controller.plan.surfaces import deviation, free_axis, placements
 from controller.plan.surfaces.axis_curves import joined
 from controller.plan.surfaces.free_axis import FINE
-
-Array = npt.NDArray[np.float64]
 
 ALONG, ACROSS = 97, 11  # points of the surface that are looked at
 END = 0.02  # share of u at either end that does not count
@@ -104,8 +102,8 @@ class Row:
 
     def named(self, placed: Sequence[Surface], strategy: Strategy, *asked: object) -> tuple[Placed, ...]:
         """The parts of a placement with the names under which they are known."""
-        bases = tuple(map(base_of, placed))
-        made = [one if isinstance(one, Placed) else as_the_paper(one, self.cutter) for one in placed]
+        bases = tuple(one.nominal for one in placed)
+        made = [as_the_paper(one, self.cutter) for one in placed]
         names = self.names(bases, strategy, *asked)
         return tuple(replace(one, name=name) for one, name in zip(made, names, strict=True))
 
@@ -140,20 +138,16 @@ def searched(wanted: RequiredPlacement) -> Mapping[str, placements.Recipe]:
 
 def off_mm(row: Row, strategy: Strategy) -> float:
     """How far a placement (not ``AUTO``) leaves the surfaces of a row off at most but for their ends, mm."""
-    placed = (
-        one if isinstance(one, Placed) else as_the_paper(one, row.cutter) for one in row.placed(strategy)
-    )
+    placed = (as_the_paper(one, row.cutter) for one in row.placed(strategy))
     return max(_Judge(one, *(FINE if one.through is not None else ())).inner(one) for one in placed)
 
 
 def as_the_paper(surface: Surface, cutter: Cutter) -> Placed:
+    """Itself where a cutter is placed on it already."""
+    if isinstance(surface, Placed):
+        return surface
     lean, shift = cutter.taper_rad, cutter.shift_mm
     return Placed(surface, cutter.offset_mm, taper_rad=lean, shift_mm=shift, barrel=cutter.barrel)
-
-
-def base_of(surface: Surface) -> Surface:
-    """The surface on which a cutter is placed."""
-    return surface.base if isinstance(surface, Placed) else surface
 
 
 def _plain(surface: Surface, cutter: Cutter) -> Surface:
@@ -190,10 +184,7 @@ def _optimal(row: Row) -> tuple[Surface, ...]:
     if found is not None and found.whole_mm <= CLEARLY * _off(near)[0]:
         return row.named(_lowered(found.placed, row.cutter), Strategy.OPTIMAL)
     hung = [row.placed(kind) for kind in (Strategy.SINGLE, Strategy.DOUBLE)]
-    hung_on = [
-        tuple(as_the_paper(one, row.cutter) if not isinstance(one, Placed) else one for one in way)
-        for way in hung
-    ]
+    hung_on = [tuple(as_the_paper(one, row.cutter) for one in way) for way in hung]
     best = min(hung_on, key=_off)
     if found is None or any(own > other for own, other in zip(found.off_mm, _off(best), strict=True)):
         return row.named(best, Strategy.OPTIMAL)

@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from controller.geometry import series as jets
-from controller.geometry.arrays import distinct
+from controller.geometry.arrays import Array, distinct
 from controller.geometry.curves import Bezier, Curve, Line
 from controller.geometry.placement import Blend, Blended, Placed
 from controller.geometry.surfaces import RuledSurface, Surface
@@ -35,7 +35,6 @@ from controller.plan.rotaries.branch import joints_along, one_branch
 from controller.plan.stretch import Stretch
 from controller.plan.surfaces.blends import in_arc_length
 
-Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
 Pair = tuple[Number, Number]  # of the rotaries
 Terms = tuple[Vector, Vector, Vector]
@@ -163,7 +162,7 @@ def _derivatives_of_cut(stretch: Stretch, cut: SurfaceCut, s: Array, kinematics:
     u = cut.arc.u_along(inside)
     first, second = kinematics.spread([*joints_along(stretch, inside, kinematics).T])[3:]
     shown = first, second  # where a free rotary stands, X and Y are the part's turned by it
-    own = partial(_matching, shown=shown)
+    own = partial(tool_paths.nearest, shown=shown)
     return _derived(cut, cut.surface, u, kinematics, own, shown).beyond(s - inside)
 
 
@@ -192,10 +191,7 @@ def _derived(
     seen = cut.seen_along(series, axis, kinematics, jets)
     first, second = own(kinematics.branches(axis, jets, keep=keep, seen=seen))
     x, y, z = kinematics.linear(tip, (first, second), cut.length_mm, jets)
-    values: tuple[Number, ...] = (x, y, z, first, second)
-    joint = kinematics.arrange(values)
-    orders = [np.stack([_coefficient(q, k, u) for q in joint], axis=1) for k in (1, 2, 3)]
-    return Derivatives(orders[0], 2.0 * orders[1], 6.0 * orders[2])
+    return Derivatives(*tool_paths.orders((x, y, z, first, second), kinematics, u))
 
 
 # ---- cuts of one kind, together: a row of short surfaces costs little more than one
@@ -251,8 +247,11 @@ def kind(stretch: Stretch, kinematics: Kinematics) -> object:
         return None
     surface = cut.surface
     lower, ruling = surface.lower, surface.ruling_curve
-    base = surface.base if isinstance(surface, Placed) else surface
-    if type(base) is not RuledSurface or not isinstance(lower, Bezier) or not isinstance(ruling, Bezier):
+    if (
+        type(surface.nominal) is not RuledSurface
+        or not isinstance(lower, Bezier)
+        or not isinstance(ruling, Bezier)
+    ):
         return None
     branch = one_branch(stretch, cut, kinematics)
     if branch is None or (isinstance(surface, Placed) and surface.through is not None):
@@ -287,20 +286,3 @@ def together(stretches: Sequence[Stretch], s: Array, of: Index, kinematics: Kine
     branch = one_branch(stretches[0], cuts[0], kinematics) or 0
     row = _row([cut.surface for cut in cuts], of)
     return _derived(cuts[0], row, u, kinematics, lambda pairs: pairs[branch]).beyond(s - inside)
-
-
-def _coefficient(q: Number, k: int, s: Array) -> Array:
-    """The k-th Taylor coefficient of a joint; a joint that does not move may be a bare number."""
-    return np.broadcast_to(np.asarray(q.c[k] if isinstance(q, jets.Jet) else 0.0, dtype=float), s.shape)
-
-
-def _matching(pairs: Sequence[Pair], shown: Pair) -> Pair:
-    """Of the two branches, at each place the one the path is on: the next to the rotaries ``shown``."""
-
-    def away(pair: Pair) -> Array:
-        da, db = (q.c[0] - at for q, at in zip(pair, shown, strict=True))
-        return np.asarray((1.0 - np.cos(da)) + (1.0 - np.cos(db)))
-
-    near = away(pairs[0]) <= away(pairs[1])
-    pick = [jets.Jet(np.where(near, p.c, q.c)) for p, q in zip(pairs[0], pairs[1], strict=True)]
-    return pick[0], pick[1]

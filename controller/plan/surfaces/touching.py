@@ -22,9 +22,9 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 from numpy.polynomial import Polynomial, chebyshev
 
+from controller.geometry.arrays import Array
 from controller.geometry.curves import Bezier, Curve
 from controller.geometry.placement import Placed, Turn
 from controller.geometry.rulings import difference
@@ -33,8 +33,6 @@ from controller.geometry.surfaces import Surface
 from controller.geometry.touches import Touch, seen_at
 from controller.machine.kinematics import NEAR_POLE, Kinematics
 from controller.motion.motions import SurfaceCut
-
-Array = npt.NDArray[np.float64]
 
 SAME_AXIS_RAD = 4e-9  # a touch is one if the axis need not turn by more to be exactly there
 HIT_RAD = 1e-13  # a contact of the first order that misses by less turns the rotary by nothing

@@ -12,9 +12,6 @@ from collections.abc import Iterator, Sequence
 from enum import Enum
 from typing import Any, NamedTuple
 
-import numpy as np
-import numpy.typing as npt
-
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine
 from controller.messages import Key, Message, chain, message
@@ -25,8 +22,6 @@ from controller.plan.stretch import Diagnostics
 from controller.plan.surfaces import audit, blending, blends, passing, unwind
 from controller.plan.surfaces.cuts import SAME_RAD, Cut, apart, turn, turned, turned_axis
 from controller.plan.surfaces.legs import CutSegment, Fields, options, timed
-
-Array = npt.NDArray[np.float64]
 
 SAME_MM = 2e-6  # rounding of six decimals, in three words
 FLAT_MM = 1e-4  # a concave corner that costs less overcut than this is rounding of the program

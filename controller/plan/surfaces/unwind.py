@@ -13,8 +13,8 @@ from collections.abc import Iterator, Sequence
 from typing import NoReturn
 
 import numpy as np
-import numpy.typing as npt
 
+from controller.geometry.arrays import Array
 from controller.geometry.vectors import ROUNDING
 from controller.machine.model import Axis, Machine
 from controller.messages import Message, message
@@ -24,8 +24,6 @@ from controller.plan.rotaries.winding import RankKey, Way
 from controller.plan.stretch import Diagnostics
 from controller.plan.surfaces import audit
 from controller.plan.surfaces.legs import CutSegment, Option
-
-Array = npt.NDArray[np.float64]
 
 
 def refuse(options: Sequence[Option], machine: Machine, now: Rotaries, voice: Diagnostics) -> NoReturn:

@@ -13,9 +13,8 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-from controller.geometry.arrays import rows
+from controller.geometry.arrays import Array, rows
 from controller.geometry.surfaces import Surface
 from controller.geometry.vectors import Frame
 from controller.machine.kinematics import Kinematics
@@ -27,8 +26,6 @@ from controller.plan.stretch import Stretch
 from controller.plan.surfaces import audit
 from controller.plan.surfaces.cuts import surface_of
 from controller.program.program import Block, CutBlock
-
-Array = npt.NDArray[np.float64]
 
 SPACING_MM = 0.4  # of the points, along and across
 MAX_SAMPLES = (2001, 201)  # of them, along and across

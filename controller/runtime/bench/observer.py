@@ -21,6 +21,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from controller.geometry.arrays import Array
 from controller.geometry.vectors import ROUNDING
 from controller.machine.kinematics.slides import Slides
 from controller.machine.model import Machine
@@ -35,8 +36,6 @@ from drives.bench.simulated.servo import Servo
 STANDS = 0.5  # mm/s or degrees/s: below this a motor stands
 STANDS_FOR_S = 0.1  # so long; a drive that is about to be switched off stands no longer
 LONGEST_STOP_S = 10.0  # a motor without torque may coast for long, not for ever
-
-Array = npt.NDArray[np.float64]
 
 
 class Seen(NamedTuple):

@@ -15,7 +15,7 @@ import math
 from collections.abc import Callable
 
 from drives.bench.simulated import homing
-from drives.bench.simulated.aborts import Abort, Code
+from drives.bench.simulated.dictionary import Abort, Code
 from drives.bench.simulated.emergency import Emergencies
 from drives.bench.simulated.machine402 import POWERED, Command, Power, command, following
 from drives.bench.simulated.modes import BIT_12, HALT, HALTABLE, HOMING, MODES, REACHED, CyclicPosition, Mode

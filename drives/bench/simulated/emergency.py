@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Iterable
 
-from drives.bench.simulated.aborts import Abort, Code
 from drives.bench.simulated.data_sheet import key
+from drives.bench.simulated.dictionary import Abort, Code
 from drives.bench.simulated.identifiers import IDENTIFIER, INVALID
 from drives.bench.simulated.station import OPERATIONAL, PRE_OPERATIONAL, Station
 

@@ -11,8 +11,8 @@ from collections.abc import Callable
 from functools import partial
 
 from drives import pdo
-from drives.bench.simulated.aborts import Abort, Code
 from drives.bench.simulated.data_sheet import key
+from drives.bench.simulated.dictionary import Abort, Code
 from drives.bench.simulated.station import INITIALISING, Station
 from drives.bench.virtual.virtual_bus import Handler
 

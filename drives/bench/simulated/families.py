@@ -16,10 +16,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from drives.bench.simulated import homing
-from drives.bench.simulated.aborts import Abort, Code
 from drives.bench.simulated.axis import Axis
 from drives.bench.simulated.data_sheet import EDS, defaults, key
-from drives.bench.simulated.dictionary import Dictionary
+from drives.bench.simulated.dictionary import Abort, Code, Dictionary
 from drives.bench.simulated.drive import SimulatedDrive
 from drives.profile import GENERIC, CyclicMode, Profile, Supervision
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from drives.bench.simulated.aborts import Abort, Code
 from drives.bench.simulated.data_sheet import key
-from drives.bench.simulated.dictionary import Dictionary
+from drives.bench.simulated.dictionary import Abort, Code, Dictionary
 
 INVALID = 0x8000_0000  # bit 31: the object does not exist
 BIT_30 = 0x4000_0000  # SYNC: the device produces it; TPDO: no remote request

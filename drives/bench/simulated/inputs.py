@@ -13,9 +13,9 @@ stop is a quick stop, followed by torque off when its delay is over.
 
 from __future__ import annotations
 
-from drives.bench.simulated.aborts import Abort, Code
 from drives.bench.simulated.axis import Axis
 from drives.bench.simulated.data_sheet import key
+from drives.bench.simulated.dictionary import Abort, Code
 
 SIMULATED_AT = key(0x2004)
 NEGATIVE_LIMIT, POSITIVE_LIMIT, HOME, STO, EMERGENCY_STOP = 1, 2, 4, 8, 16

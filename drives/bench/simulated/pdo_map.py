@@ -13,9 +13,8 @@ from dataclasses import dataclass
 from functools import partial
 
 from drives.bench.simulated import identifiers
-from drives.bench.simulated.aborts import Abort, Code
 from drives.bench.simulated.data_sheet import WRITABLE, key
-from drives.bench.simulated.dictionary import Dictionary
+from drives.bench.simulated.dictionary import Abort, Code, Dictionary
 from drives.bench.simulated.identifiers import BIT_30, IDENTIFIER, INVALID
 from drives.pdo import DATA_AT, FRAME
 

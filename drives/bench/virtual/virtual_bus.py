@@ -28,8 +28,7 @@ from struct import Struct
 from typing import Final, Protocol
 
 from drives import pdo
-from drives.bench.virtual.confinement import Confinement
-from drives.bench.virtual.error_counters import Controller, Level
+from drives.bench.virtual.error_counters import Confinement, Controller, Level
 from drives.bench.virtual.nodes import Agenda, Handler, Link, Node
 from drives.load import stuffing
 from drives.pdo import ERROR_FLAG, EXTENDED_FLAG, FRAME_BYTES, REMOTE_FLAG

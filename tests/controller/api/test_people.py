@@ -176,7 +176,7 @@ def test_the_command_line_refuses_the_same(tmp_path: Path) -> None:
         words = ["add", "anna", "--state", str(tmp_path)]
         return CliRunner().invoke(panel_users.users, words, input=f"{password}\n")
 
-    for password, why in (("short", "5 signs"), ("anna1234", "first that anybody tries")):
+    for password, why in (("short", "5 characters"), ("anna1234", "first that anybody tries")):
         refused = added(password)
         assert refused.exit_code == 1 and why in " ".join(refused.output.split())
     assert added(NEW).exit_code == 0

@@ -19,7 +19,7 @@ from OCP.BRepPrimAPI import (
 from support.parts import cad_parts as parts
 from support.parts.cad_cases import ABOVE, CUBIC, HALF_TURN, ROW, blade, off, one_strip, written
 
-from controller.cad import words
+from controller.cad import program
 from controller.cad.deviation import deviation, distances
 from controller.cad.strip import Strip
 
@@ -76,7 +76,7 @@ EXACT = [
 @pytest.mark.parametrize(("shape", "code", "kind"), [row[1:] for row in EXACT], ids=[row[0] for row in EXACT])
 def test_the_written_surface_is_the_face(tmp_path: Path, shape: Any, code: str, kind: str) -> None:
     made = one_strip(shape(), tmp_path)
-    assert (words.code(made), made.face.kind) == (code, kind)
+    assert (program.code(made), made.face.kind) == (code, kind)
     assert made.off_ruled_mm < 1e-6
     assert off(made) < 5e-5
 

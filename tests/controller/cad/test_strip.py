@@ -21,7 +21,7 @@ from OCP.BRepPrimAPI import (
 from support.parts import cad_parts as parts
 from support.parts.cad_cases import HALF_TURN, ROW, faces, off, one_strip, written
 
-from controller.cad import words
+from controller.cad import program
 from controller.cad.deviation import deviation
 from controller.cad.strip import How, NotRuled, strip
 from controller.messages import text
@@ -33,7 +33,7 @@ def test_every_side_of_a_tapered_block_is_a_plane_between_its_own_corners(tmp_pa
     turned = parts.moved(wedge, (1.0, 2.0, 3.0), (1, 2, 3), 0.7)
     for face in faces(turned, tmp_path):
         made = strip(face)
-        assert words.code(made) == "G52"
+        assert program.code(made) == "G52"
         assert off(made) < 1e-6
 
 
@@ -49,7 +49,7 @@ def test_a_plane_between_two_straight_edges_may_end_on_any_curve(tmp_path: Path)
     wall = parts.moved(parts.filled(outline), (1, 2, 3), (1, 2, 3), 0.4)
     (face,) = faces(wall, tmp_path)
     made = strip(face)
-    assert words.code(made) == "G6.2"
+    assert program.code(made) == "G6.2"
     assert off(made) < 1e-4
     rulings = made.upper.at(np.linspace(0.0, 1.0, 9)) - made.lower.at(np.linspace(0.0, 1.0, 9))
     assert np.abs(np.cross(rulings[1:], rulings[:-1])).max() < 1e-3
@@ -71,7 +71,7 @@ def test_a_level_face_that_rulings_do_not_fill_is_a_floor(tmp_path: Path) -> Non
 def test_a_cylinder_that_is_cut_off_at_an_angle_keeps_its_rulings(tmp_path: Path) -> None:
     over = parts.moved(BRepPrimAPI_MakeBox(60.0, 60.0, 40.0).Shape(), (-30, -30, 12), (1, 0, 0), 0.3)
     made = one_strip(BRepAlgoAPI_Cut(BRepPrimAPI_MakeCylinder(8.0, 20.0).Shape(), over).Shape(), tmp_path)
-    assert words.code(made) == "G6.2"
+    assert program.code(made) == "G6.2"
     assert "fitted" in text(made.remarks[0])
     assert off(made) < 1e-4
     way = made.upper.at(np.linspace(0.0, 1.0, 30)) - made.lower.at(np.linspace(0.0, 1.0, 30))

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import io
 import json
 import os
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from support.fakes.panels import Scene
 from typer.testing import CliRunner
@@ -18,10 +21,16 @@ from controller.__main__ import app
 from controller.api import notice_settings
 from controller.api.store import Store
 from controller.cli import internal_error, redaction, support
+from controller.ipc.asker import Asker as AskedBy
+from controller.ipc.handoff import ROW
 from controller.machine import machine_file, setup_data
+from controller.runtime import recording
+from controller.service.requests import Requests
+from controller.state.modes import Fault
 from controller.store import service_store
 
 WEBHOOK, PASSWORD, OUTSIDE = "https://chat.example/hooks/k3y-of-hook", "pass-of-mail", "what-is-elsewhere"
+TYPED = "typed-by-hand"
 
 
 def state_of_a_shop(folder: Path) -> list[bytes]:
@@ -34,10 +43,19 @@ def state_of_a_shop(folder: Path) -> list[bytes]:
     scene.store.runs.end(scene.store.runs.begin("part.ngc", "0" * 64), "completed")
     setup_data.note(folder, machine_file.load("trunnion"))
     service_store.put(folder, "journal", {"format": 1})
+    with contextlib.closing(service_store.ServiceStore(folder)) as store:
+        noted = Requests(store)
+        words = {"text": f"(password={TYPED})"}
+        with noted.noted("mdi", words, AskedBy("anna", "set_up", "10.0.0.7"), "panel") as hear:
+            hear({})
+        noted.close()
     run = folder / "runs" / "0001"
     run.mkdir(parents=True)
     (run / "run.json").write_text('{"result": "completed"}')
-    return [one.encode() for one in (*hashes, *scene.tokens.values(), WEBHOOK, PASSWORD, OUTSIDE, "10.0.0.7")]
+    return [
+        one.encode()
+        for one in (*hashes, *scene.tokens.values(), WEBHOOK, PASSWORD, TYPED, OUTSIDE, "10.0.0.7")
+    ]
 
 
 def written(state: Path, archive: Path) -> dict[str, bytes]:
@@ -57,6 +75,8 @@ def test_what_helps_is_in_it_and_no_secret(tmp_path: Path) -> None:
     parts = written(state, tmp_path / "case.zip")
     assert {"facts.json", "host.json", "machine.toml", "state/service.json", "store.json"} <= set(parts)
     assert parts["runs/0001/run.json"] == b'{"result": "completed"}'
+    (asked,) = json.loads(parts["state/service.json"])["requests"]
+    assert (asked["verb"], asked["role"], asked["peer"]) == ("mdi", "set_up", "panel")
     assert json.loads(parts["store.json"])["runs"][0]["program"] == "part.ngc"
     assert machine_file.read(parts["machine.toml"].decode(), "machine.toml").name
     assert b"planted.json" in parts["missing.txt"] and not any("0002" in name for name in parts)
@@ -93,6 +113,10 @@ def planted_everywhere(state: Path, words: list[str]) -> None:
         for folder in ("recordings/1", "crashes"):
             (state / folder).mkdir(parents=True, exist_ok=True)
             (state / folder / f"{number}.txt").write_text(f"directrix panel {word}\nKeyError: {word!r}")
+    machine = machine_file.load("trunnion")
+    words_of_machine = replace(machine, text=machine.text + "".join(f"# {word}\n" for word in words))
+    facts = recording.Facts(Fault.EMERGENCY_STOP, "", 1, 0, ())
+    recording.save(state / "recordings", words_of_machine, facts, np.zeros((2, len(ROW))), {})
     (state / "usage.json").write_text(json.dumps({"items": words}))
     lines = [json.dumps({"id": 1, "time_s": 1.0, "name": "X", "acknowledged_s": None, "values": words})]
     (state / "alarms.jsonl").write_text("\n".join(lines))
@@ -103,7 +127,7 @@ def planted_everywhere(state: Path, words: list[str]) -> None:
 
 def test_secrets_that_stand_anywhere_are_taken_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     state = tmp_path / "state"
-    known = [one.decode() for one in state_of_a_shop(state)[:-2]]
+    known = [one.decode() for one in state_of_a_shop(state)[:-3]]
     with contextlib.closing(Store(state)) as store:
         for name, value in (
             ("user", "mail-user-77"),
@@ -127,6 +151,13 @@ def test_secrets_that_stand_anywhere_are_taken_out(tmp_path: Path, monkeypatch: 
         "--password Tr0ub4dor": "Tr0ub4dor",
         "password = 'correct-horse'": "correct-horse",
         '"api_key": "0123-4567-89"': "0123-4567-89",
+        '"password": "correct horse battery", "to": 7': "horse battery",
+        'args: {\\"text\\": \\"(passwort: \\\\\'geheim 99\\\\\')\\"}': "geheim 99",
+        "kennwort=geheim99": "geheim99",
+        "['directrix', '--token', 'Tr0ub4dor-2']": "Tr0ub4dor-2",
+        "Set-Cookie: directrix=c00kie_of-anna; HttpOnly": "c00kie_of-anna",
+        '"cookie": "directrix=c00kie-2"': "c00kie-2",
+        "POST https://chat.example/v1?space=a&key=k3y-of-before": "k3y-of-before",
         "-----BEGIN EC PRIVATE KEY-----\nMHcCAQEEIIx\n-----END EC PRIVATE KEY-----": "MHcCAQEEIIx",
         "dx_" + "q7" * 12: "q7" * 12,
     }
@@ -135,6 +166,10 @@ def test_secrets_that_stand_anywhere_are_taken_out(tmp_path: Path, monkeypatch: 
     parts = written(state, tmp_path / "case.zip")
     wanted = {"journal.txt", "machine.toml", "state/alarms.jsonl", "state/usage.json", "crashes/0.txt"}
     assert wanted <= parts.keys() and "recordings/1/0.txt" in parts and "runs/0001/notes0.txt" in parts
+    (trace,) = (name for name in parts if name.endswith("trace.npz"))
+    packed = np.load(io.BytesIO(parts[trace]))
+    assert len(packed["rows"]) == 2
+    parts[trace] = str(packed["machine"]).encode()
     for name, data in parts.items():
         found = [one for one in (*known, *secrets.values()) if one.encode() in data]
         assert not found, (name, found)
@@ -148,6 +183,8 @@ def test_what_is_no_secret_stays(tmp_path: Path) -> None:
         b"https://a.example/b",
         b"a basic operation",
         b'{"position_trusted": true}',
+        b'{"password": "", "user": ""}',
+        b"T5 (key=hook)",
     ):
         assert redaction.redacted(text, []) == text
 

@@ -126,6 +126,16 @@ def test_straightness_names_two_axes_and_the_second_is_a_slide():
         read(more=row.replace('moves = "X"', 'moves = "A"'))
 
 
+def test_what_straightness_needs_is_taken_off_the_limits_and_a_steep_one_refused_at_its_row():
+    row = '[[straightness]]\nalong = "Y"\nmoves = "X"\nat_mm = [-300, 300]\noff_mm = [-30e-2, 30e-2]\n'
+    plain, made = read().axes, read(more=row).axes
+    assert made[0].limits.acceleration == pytest.approx(0.999 * plain[0].limits.acceleration)
+    assert made[1].limits == plain[1].limits
+    bend = row.replace("[-300, 300]", "[0, 20, 40]").replace("[-30e-2, 30e-2]", "[0, 0.9, 0]")
+    with pytest.raises(ConfigError, match=r"off_mm.*is so steep that it would take .* of the limits of X"):
+        read(more=row + bend)
+
+
 def test_a_drive_lets_the_joint_reach_its_travel_with_the_table_on():
     made = read(x="pitch = { at_mm = [-300, 300], up_mm = [0.03, -0.03], backlash_mm = 0.01 }\n")
     plain, wide = (machine_file.node_settings(one)[0] for one in (read(), made))

@@ -5,12 +5,15 @@ from __future__ import annotations
 import json
 import re
 from dataclasses import dataclass
+from importlib.metadata import entry_points
 
 import pytest
+from can.interfaces import BACKENDS
 
 from controller.cli import machine_check
 from controller.machine import machine_file, plausible
 from controller.messages import text as in_words
+from drives.bus import HUBS
 
 COUNTS = 4096  # of an encoder in one turn of its motor
 TOOLS = (machine_file.SHIPPED / "tools.toml").read_text()
@@ -167,3 +170,8 @@ def test_a_machine_without_a_file_is_asked_nothing() -> None:
 def test_they_are_json(capsys: pytest.CaptureFixture[str]) -> None:
     machine_check.alone(machine_file.load("trunnion"), [], True)
     assert json.loads(capsys.readouterr().out)["warnings"] == []
+
+
+def test_the_interfaces_that_are_known_are_python_can_s_and_our_own() -> None:
+    brought = {one.name for one in entry_points(group="can.interface")}
+    assert {*BACKENDS} - brought | {*HUBS} == plausible.INTERFACES

@@ -123,12 +123,12 @@ NOT_READ = {
     ("lss.py", "bit rate"),
     ("sync.py", "sync producer"),
     ("sync.py", "sync time-out"),
-    ("aborts.py", "SDO abort "),  # caught where it is raised
+    ("dictionary.py", "SDO abort "),  # caught where it is raised
     ("fault_kinds.py", "at sync "),  # the grammar of a script of faults
     ("fault_grammar.py", "sync, rpdo 3, tpdo 3, heartbeat 3, emcy 3"),
     ("cia402.py", "quick stop"),  # a value of an enumeration
-    *((file, place) for file in ("bus_picture.py", "plots.py") for place in ("upper left", "lower right")),
-    ("check_picture.py", "lower center"),  # of a legend
+    *((file, place) for file in ("bus_report.py", "pictures.py") for place in ("upper left", "lower right")),
+    ("pictures.py", "lower center"),  # of a legend
     ("fits.py", "bull nose"),  # of JSON
     *(("forms.py", name) for name in ("lead in", "lead out")),  # by which texts are looked up
     *((file, name) for file in ("gouges.py", "looks.py") for name in ("own cut", "other motion")),

@@ -14,7 +14,7 @@ from controller import memory
 from controller.ipc.handoff import Piece
 from controller.machine.kinematics import kinematics_of
 from controller.plan import known
-from controller.plan.look_ahead import Orders, Place, Windows
+from controller.plan.look_ahead import Orders, TrackPlace, Windows
 from controller.plan.track import Track
 
 ARC = "G0 X10. Y0.\nG2 F600. X30. Y0. I10. J0.\nG1 X40. Y5.\nM30\n"
@@ -26,7 +26,7 @@ def planned(orders: Orders, text: str = ARC) -> list[tuple[tuple[Piece, ...], ob
     kinematics = kinematics_of(machine)
     home = tuple(axis.homing.position for axis in machine.axes)
     track = Track(traced_programs.trace(text, machine, home).items, machine, kinematics)  # type: ignore[arg-type]
-    windows, place, found = Windows(machine, kinematics), Place(0, 0.0), list[Any]()
+    windows, place, found = Windows(machine, kinematics), TrackPlace(0, 0.0), list[Any]()
     while (sent := windows.from_rest(track, place, 0.0, orders)) is not None:
         found.append((sent.pieces, sent.stops))
         place = sent.after

@@ -13,10 +13,9 @@ from support.machines.stepped_runs import shipped
 from controller.ipc.handoff import Snapshot, blank
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Joints
-from controller.plan import retract
+from controller.plan import off_path
 from controller.plan.off_path import SAME, Detour
-from controller.plan.restart.reentry import room_along_axis
-from controller.plan.retract import NotPossible
+from controller.plan.restart.reentry import NotPossible, room_along_axis
 from controller.plan.stretch import Chain, Pause
 from controller.program.program import Act, Place
 from controller.state.modes import Mode
@@ -43,7 +42,7 @@ def test_a_retract_moves_the_tip_along_the_tool_axis_alone(name: str) -> None:
     machine = shipped(name)
     kinematics = kinematics_of(machine)
     held = (10.0, 20.0, -50.0, 0.3, 0.4)
-    first, last = corners(retract.retract(held, 12.0, PLACE, machine, kinematics))
+    first, last = corners(off_path.retract(held, 12.0, PLACE, machine, kinematics))
     (tip, axis), after = kinematics.forward(first, 7.0), kinematics.forward(last, 7.0)
     assert np.abs(np.subtract(after.tip, tip) - 12.0 * np.array(axis)).max() < 1e-9
     assert np.abs(np.subtract(after.axis, axis)).max() < 1e-12
@@ -55,7 +54,7 @@ def test_a_retract_that_the_travel_has_no_room_for_is_refused_with_what_there_is
     assert room_along_axis(HELD, machine, kinematics) == pytest.approx(200.0)
     for by_mm in (0.0, -1.0, 200.1, math.nan, math.inf):
         with pytest.raises(NotPossible, match=r"up to 200\.000 mm"):
-            retract.retract(HELD, by_mm, PLACE, machine, kinematics)
+            off_path.retract(HELD, by_mm, PLACE, machine, kinematics)
 
 
 @pytest.mark.parametrize("mode", [mode for mode in Mode if mode is not Mode.HOLD])

@@ -14,9 +14,10 @@ from support.fakes import cutting_service
 from support.fakes.fake_engine import engine_of, served
 
 from controller.messages import message
-from controller.service import journal, room
+from controller.service import journal, room, thread_guard
 from controller.state.modes import Fault, Mode
 from controller.store import service_store
+from controller.store.set_up_store import SPINDLE
 
 
 @pytest.fixture
@@ -73,6 +74,24 @@ def test_an_emergency_stop_on_a_full_disk_is_kept_and_so_is_where_the_run_was(
     assert after.interrupted is not None and after.interrupted.fault == "EMERGENCY_STOP"
     assert "EMERGENCY_STOP" in {alarm["name"] for alarm in after.alarms.list()}
     after.close()
+
+
+@pytest.mark.parametrize("document", [thread_guard.DOCUMENT, SPINDLE])
+def test_a_tool_in_a_thread_or_in_the_spindle_is_known_after_a_full_disk(
+    document: str, small: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(room, "SPARE_BYTES", 1 << 20)
+    service = served(small)
+    fill(small)
+    now = engine_of(service).now._replace(thread_pitch_mm=1.0)
+    for n in range(1, 200):
+        if document == SPINDLE:
+            service.set_up.put_in(n)
+            assert service.store.document(SPINDLE, int, 0) == n
+        else:
+            service.thread.look(now._replace(thread_rev=float(n)), "a.ngc")
+            assert service.store.document(document, thread_guard.taken, None) == service.thread.found
+    service.close()
 
 
 def test_a_folder_that_takes_nothing_ends_the_start_in_a_sentence(small: Path) -> None:

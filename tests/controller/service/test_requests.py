@@ -24,7 +24,7 @@ from controller.commands.table import ALL
 from controller.ipc import asker
 from controller.ipc.asker import Asker
 from controller.ipc.control_socket import Client, CommandRefused
-from controller.service import requests
+from controller.service import requests, socket_server
 from controller.service.command_handlers import CommandHandlers
 from controller.service.requests import Requests
 from controller.service.service import Service
@@ -114,6 +114,18 @@ def test_who_names_nobody_is_the_user_at_the_socket_and_who_names_him_wrongly_is
             own.connect(str(desk.path))
             own.send(json.dumps({"id": 1, "verb": "estop", "by": by}).encode())
             assert json.loads(own.recv(1 << 16))["error"]["key"] == "no_asker"
+
+
+def test_the_name_of_a_peer_is_asked_once_for_it_may_be_slow(
+    desk: Desk, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = []
+    monkeypatch.setattr(socket_server, "name_of", lambda uid: asked.append(uid) or "anna")
+    with contextlib.closing(Client(desk.path, 20.0)) as client:
+        for _ in range(3):
+            with contextlib.suppress(CommandRefused):
+                client.ask("stop")
+    assert asked == [os.geteuid()] and desk.rows()[-1]["user"] == "anna"
 
 
 def test_what_is_sent_while_a_key_is_held_is_noted_once_and_no_flood_is_kept(

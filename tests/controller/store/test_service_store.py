@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from support.faults.harm import harmed, times
 from support.machines.stored_tools import StoredTools
 from support.suite.seed import SEED
 
@@ -57,10 +58,12 @@ def test_the_newest_is_there_and_one_before(folder: Path) -> None:
 
 def test_a_kill_loses_nothing_that_was_kept(tmp_path: Path) -> None:
     if (child := os.fork()) == 0:
-        store = ServiceStore(tmp_path)
-        for number in range(20):
-            store.put("usage", {"n": number})
-        os._exit(9)
+        try:
+            store = ServiceStore(tmp_path)
+            for number in range(20):
+                store.put("usage", {"n": number})
+        finally:  # or the tests after this one would go on in the child, too
+            os._exit(9)
     os.waitpid(child, 0)
     assert lost(tmp_path) == ({"n": 19}, [])
 
@@ -147,6 +150,13 @@ def test_where_the_copy_is_damaged_too_all_is_begun_anew(folder: Path) -> None:
     assert lost(folder) == (NONE, ["file_before", "file_damaged"])
 
 
+def test_a_copy_with_a_name_that_is_no_text_is_none(folder: Path) -> None:
+    data = (folder / COPY).read_bytes()
+    assert b"CREATE TABLE starts" in data
+    (folder / COPY).write_bytes(data.replace(b"CREATE TABLE starts", b"CREATE T\xd5BLE starts"))
+    assert lost(folder) == ({"n": 2}, [])
+
+
 def test_a_file_of_a_newer_version_is_refused_and_left_as_it_is(folder: Path) -> None:
     changed(folder, "PRAGMA user_version = 99")
     data = (folder / FILE).read_bytes()
@@ -181,18 +191,15 @@ def test_a_disk_that_takes_nothing_is_no_damage_of_the_file(
     assert lost(folder) == ({"n": 2}, []) and not list(folder.glob("*.damaged*"))
 
 
-def flip(folder: Path, times: int) -> int:
-    """How often a bit of the file was noticed; what is not noticed is as it was."""
+def harm(folder: Path, count: int) -> int:
+    """How often damage of the file was noticed; what is not noticed is as it was."""
     rng, noticed = random.Random(f"{SEED}-service"), 0
     whole = (folder / FILE).read_bytes()
-    places = [i for i, byte in enumerate(whole) if byte]
     copy = (folder / COPY).read_bytes()
-    for _ in range(times):
+    for _ in range(count):
         for path in folder.iterdir():
             path.unlink()
-        data = bytearray(whole)
-        data[rng.choice(places)] ^= 1 << rng.randrange(8)
-        (folder / FILE).write_bytes(data)
+        (folder / FILE).write_bytes(harmed(whole, rng))
         (folder / COPY).write_bytes(copy)
         with contextlib.suppress(ConfigError), contextlib.closing(ServiceStore(folder)) as store:
             found = value(store), store.rows("SELECT * FROM alarms")
@@ -202,12 +209,12 @@ def flip(folder: Path, times: int) -> int:
 
 
 def test_no_bit_changes_what_is_read_without_a_word(folder: Path) -> None:
-    assert flip(folder, 40) > 10
+    assert harm(folder, 40) > 10
 
 
 @pytest.mark.slow
 def test_no_bit_of_thousands_changes_what_is_read_without_a_word(folder: Path) -> None:
-    assert flip(folder, 1000) > 200
+    assert harm(folder, times(1000)) > times(200)
 
 
 def test_a_bad_bit_in_what_is_written_ahead_is_reported(tmp_path: Path) -> None:

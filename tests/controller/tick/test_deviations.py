@@ -12,6 +12,7 @@ from support.machines.shipped_kinds import machine
 
 from controller.machine import compensation
 from controller.machine.model import Pitch, Straightness
+from controller.tick.check import TOLERANCE
 from controller.tick.deviations import AxisDeviation
 from controller.tick.joints import Encoder
 
@@ -33,7 +34,8 @@ def built(**changes):
         replace(axis, pitch=pitch_of(i, unit=math.radians(0.01) if axis.is_rotary else 1.0))
         for i, axis in enumerate(made.axes)
     ]
-    return replace(made, axes=tuple(compensation.reserved(axis) for axis in axes), **changes)
+    crossed = changes.get("straightness", ())
+    return replace(made, axes=compensation.reserved(axes, crossed), **changes)
 
 
 class Screw:
@@ -110,6 +112,44 @@ def test_setpoints_keep_the_limits_of_the_machine_file_through_every_reversal():
             values = [(b - a) / T for a, b in pairwise(values)]
             rounding = 2.0 ** (order - 1) * count / T**order
             assert max(map(abs, values)) <= 1.001 * limit + rounding, (axis.name, order)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_steep_tables_keep_the_limits_at_full_speed_also_where_a_period_is_shorter_than_a_cell(seed):
+    """Its own of X and one by Y, as steep as is allowed: past each point in turn, speeding up or braking."""
+    rng, at = random.Random(seed), tuple(300.0 * k / 30 - 150.0 for k in range(31))
+    plain, period_s = machine("fig4a"), rng.choice((0.0005, 0.001, 0.002))
+    x, y = plain.axes[:2]
+
+    def steep(share):
+        """Points beside the mean by as much as takes that share."""
+        off = [rng.uniform(-1.0, 1.0) for _ in at]
+        for _ in range(60):
+            found = share(tuple(off))
+            off = [0.5 * (1.0 + 0.07 / found) * value for value in off]
+        return tuple(off)
+
+    own = steep(lambda off: compensation.own_share(Pitch(at, off, off), x.limits))
+    other = steep(lambda off: compensation.share(x, plain.axes, [Straightness("Y", "X", at, off)]))
+    rows = (Straightness("Y", "X", at, other),)
+    axes = compensation.reserved([replace(x, pitch=Pitch(at, own, own)), *plain.axes[1:]], rows)
+    made = replace(plain, axes=axes, straightness=rows, period_s=period_s)
+    most, worst = [axis.limits for axis in made.axes[:2]], [0.0, 0.0]
+    for begin in range(-140, 140, 16):
+        for way, less in ((-1.0, 0.0), (1.0, 0.02)):
+            encoder, sent = Encoder(made), []
+            for k in range(round(0.02 / period_s)):
+                t = k * period_s
+                X, Y = (
+                    begin + t * (one.velocity + one.acceleration * (way * t / 2.0 - less)) for one in most
+                )
+                sent.append(encoder.counts((X, Y, 0.0, 0.0, 0.0))[0] / x.counts_per_unit)
+            steps = [(b - a) / period_s for a, b in pairwise(sent)]
+            bends = [(b - a) / period_s for a, b in pairwise(steps)]
+            worst = [max(worst[0], *map(abs, steps)), max(worst[1], *map(abs, bends))]
+    assert 0.85 * x.limits.acceleration < worst[1] <= TOLERANCE * x.limits.acceleration
+    assert 0.85 * x.limits.velocity < worst[0] <= x.limits.velocity
+    assert y.limits == made.axes[1].limits
 
 
 def test_what_comes_back_is_the_joint_to_a_count():

@@ -346,10 +346,7 @@ def test_a_door_opened_in_a_jog_stops_it() -> None:
 def test_a_machine_without_any_of_it_never_waits() -> None:
     bench = Bench()
     bench.enable()
-    piece, move = straight(HERE, THERE, lambda n: s_curve(n, 100.0, 1900.0, 48000.0))
-    bench.send([piece, dwell(0.0, end=True)], {0: move})
-    bench.tick()
-    bench.ask(Request.START)
+    bench.start_line(HERE, THERE)
     bench.tick(3)
     assert bench.cycle.follow.joints != HERE and not bench.snapshot.waiting
     assert bench.snapshot.spindle_at_speed and bench.snapshot.outputs == 0

@@ -59,7 +59,7 @@ def with_screws() -> Machine:
     pitch = Pitch(at, tuple(-x for x in off), off)
     made = shipped(period_s=0.004)
     axes = [axis if axis.is_rotary else replace(axis, pitch=pitch) for axis in made.axes]
-    return replace(made, axes=tuple(compensation.reserved(axis) for axis in axes))
+    return replace(made, axes=compensation.reserved(axes))
 
 
 def rows_of(

@@ -16,8 +16,8 @@ from typer.testing import CliRunner
 from controller.__main__ import app
 from controller.plan.report.picture import FEED, RAPID, Picture, Shape
 from controller.runtime import checked, refused_path
-from controller.verify import path_picture
-from controller.verify.path_picture import Mark
+from controller.verify import pictures
+from controller.verify.pictures import Mark
 
 TEXT = """S500 M3 F600 G43 H1
 G0 X5 Y6 Z50
@@ -40,13 +40,13 @@ def shape_of(text: str) -> Shape:
 
 def drawn(shape: Shape, named: list[Mark]) -> tuple[Any, Any]:
     top, front = Figure().subplots(1, 2)
-    path_picture.views(top, front, shape, machine(), named)
+    pictures.views(top, front, shape, machine(), named)
     return top, front
 
 
 def ways(axes: Any, kind: int) -> np.ndarray:
     """Segments (N, 2, 2) in the colour of a kind of way."""
-    colour = path_picture.WAYS[kind][1].lower()
+    colour = pictures.WAYS[kind][1].lower()
     sets = [one for one in axes.collections if isinstance(one, LineCollection)]
     return np.concatenate([one.get_segments() for one in sets if to_hex(one.get_colors()[0]) == colour])
 
@@ -72,11 +72,11 @@ def test_a_line_is_marked_where_its_feed_ends_or_where_the_path_was_before_it() 
     marks = {line.get_label(): (*line.get_xydata()[0],) for line in top.lines}
     assert marks["note, line 4"] == pytest.approx((25.0, 6.0))
     assert marks["refused, line 8"] == pytest.approx((90.0, 6.0))
-    assert path_picture.place_of(Mark(7, refused=True), shape) == len(shape.tips) - 1
+    assert pictures.place_of(Mark(7, refused=True), shape) == len(shape.tips) - 1
 
 
 def test_of_many_named_lines_the_first_are_marked_once() -> None:
-    assert [one.line for one in path_picture.marks([5, 3, 0, 5, *range(10, 40)], refused=False)] == [
+    assert [one.line for one in pictures.marks([5, 3, 0, 5, *range(10, 40)], refused=False)] == [
         *(3, 5),
         *range(10, 20),
     ]

@@ -11,6 +11,7 @@ import pytest
 from support.live import browser, live_page, shop
 from support.live.browser import until
 
+from controller.api import own_folder
 from controller.bringup import protocol as protocols
 
 pytestmark = [pytest.mark.slow, pytest.mark.live, pytest.mark.calm]
@@ -91,7 +92,8 @@ def test_a_scale_is_measured_told_left_and_done_again_by_the_page(tmp_path: Path
 
         report = httpx.get(f"{running.url}{page.get_attribute('#bring-up-report', 'href')}").text
         assert "counts_per_mm" in report and "No brake is fitted." in report
-        kept = json.loads((running.state / protocols.FOLDER / protocols.FILE).read_text())["done"]
+        file = own_folder.of(running.state) / protocols.FOLDER / protocols.FILE
+        kept = json.loads(file.read_text())["done"]
         assert {step: row["verdict"] for step, row in kept.items()} == {
             "scale.X": "bad",
             "brake.Z": "skipped",

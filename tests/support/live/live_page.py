@@ -7,10 +7,8 @@ before the key is pressed: both can only make a time longer than it was.
 
 from __future__ import annotations
 
-import base64
 import contextlib
 import time
-import zlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -21,6 +19,7 @@ from support.live.browser import until
 
 from controller.ipc.control_socket import Client, CommandRefused, control_path
 from controller.ipc.handoff import COLUMN
+from controller.ipc.packed_rows import unpacked
 from controller.machine import machine_file
 from controller.machine.model import Machine
 from controller.state.modes import MAX_AXES, Mode
@@ -60,9 +59,7 @@ class LiveMachine:
         found: list[Rows] = []
         last = int(after)
         while not found or len(found[-1]):
-            said = self.door.ask("rows", after=last)
-            data = zlib.decompress(base64.b64decode(said["rows"]))
-            found.append(np.frombuffer(data, "<f8").reshape(-1, said["columns"]))
+            found.append(unpacked(self.door.ask("rows", after=last)))
             last = int(found[-1][-1, COLUMN["tick"]]) if len(found[-1]) else last
         return np.concatenate(found)
 

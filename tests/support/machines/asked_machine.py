@@ -11,7 +11,7 @@ from controller.machine import machine_file
 from controller.messages import Message
 from controller.plan.planner import Planner
 from controller.plan.restart.program_position import Spot
-from controller.plan.retract import NotPossible
+from controller.plan.restart.reentry import NotPossible
 from controller.program.program import ProgramError
 from controller.runtime import checked, starts
 from controller.runtime.starts import Start

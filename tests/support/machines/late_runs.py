@@ -23,7 +23,7 @@ from support.oracles import latched_setpoints
 from controller.ipc.handoff import COLUMN, of_axes
 from controller.machine.compensation import reversal
 from controller.machine.kinematics import Kinematics
-from controller.machine.model import Machine
+from controller.machine.model import Limits, Machine
 from controller.runtime import checked
 from controller.runtime.events import Event
 from controller.runtime.stepped import Run
@@ -155,7 +155,8 @@ class Watched(Forkable):
 class Healthy:
     """A machine and a program, in time."""
 
-    def __init__(self, machine: Machine, text: str, **how: Any) -> None:
+    def __init__(self, machine: Machine, text: str, limits: Sequence[Limits] = (), **how: Any) -> None:
+        """``limits``: what is judged by, where the axes' tables leave the plan less."""
         self.machine, self.text, self.how = machine, text, how
         self.stepped = self.up()
         self.first = self.stepped.cycle.tick
@@ -163,7 +164,7 @@ class Healthy:
         self.played = self.stepped.played
         self.ticks = len(self.run.rows)
         units = [1.0 / axis.counts_per_unit for axis in machine.axes]
-        limits, T = [axis.limits for axis in machine.axes], machine.period_s
+        limits, T = limits or [axis.limits for axis in machine.axes], machine.period_s
         self.units = np.array(units)
         self.most = (
             np.array([one.velocity for one in limits]) * T,

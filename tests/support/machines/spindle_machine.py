@@ -6,12 +6,16 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+import pytest
+
 from controller.ipc.handoff import Snapshot
 from controller.machine import machine_file
 from controller.machine.model import Machine
 from controller.runtime import checked
+from controller.runtime.bench import surroundings
 from controller.runtime.events import Event
 from controller.runtime.stepped import Run, SteppedMachine
+from drives.bench.simulated.inverter import Inverter
 
 SECOND_BUS = """
 [[bus]]
@@ -38,6 +42,13 @@ outputs = { coolant = 0, mist = 1, clamp_A = 2, clamp_C = 3 }
 SLOWER = "period_s = 0.002", "period_s = 0.004"  # a change of the text: half the ticks
 ESTOP, DOOR, A_CLOSED, C_CLOSED = 0, 1, 2, 3  # inputs
 COOLANT, MIST, A_OPEN, C_OPEN = 0, 1, 2, 3  # outputs
+
+
+def inverters(monkeypatch: pytest.MonkeyPatch) -> list[Inverter]:
+    """Of the machines that are made from now on."""
+    made: list[Inverter] = []
+    monkeypatch.setattr(surroundings, "Inverter", lambda *given: made.append(Inverter(*given)))
+    return made
 
 
 def without_spindle(machine: str) -> str:

@@ -29,6 +29,7 @@ from controller.ipc.handoff import (
     Snapshot,
     SnapshotBoard,
     StopTable,
+    dwell,
     piece_pair,
     request_pair,
     send_jog,
@@ -254,6 +255,13 @@ class Bench:
     def enable(self) -> None:
         self.ask(Request.ENABLE)
         self.until(Mode.READY, 20)
+
+    def start_line(self, begin: Joints, end: Joints) -> None:
+        """Have a line started, at 100 mm/s, with which the program ends."""
+        piece, move = straight(begin, end, lambda n: s_curve(n, 100.0, 1900.0, 48000.0))
+        self.send([piece, dwell(0.0, end=True)], {0: move})
+        self.tick()
+        self.ask(Request.START)
 
     def rows(self) -> NDArray[np.float64]:
         """Rows of the recorder since the last call."""

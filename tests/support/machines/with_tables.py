@@ -5,6 +5,7 @@ from __future__ import annotations
 import random
 from dataclasses import replace
 
+from controller.machine.compensation import reserved
 from controller.machine.deviation_tables import Pitch
 from controller.machine.model import Machine
 
@@ -14,9 +15,9 @@ REACH_MM = 250.0  # from zero, of a table
 
 
 def with_tables(rng: random.Random, machine: Machine) -> Machine:
-    """Each linear axis has pitch and play."""
+    """Each linear axis has pitch and play; what they need is off its limits, as of a machine file's."""
     axes = [axis if axis.is_rotary else replace(axis, pitch=_pitch(rng)) for axis in machine.axes]
-    return replace(machine, axes=tuple(axes))
+    return replace(machine, axes=reserved(axes))
 
 
 def _pitch(rng: random.Random) -> Pitch:

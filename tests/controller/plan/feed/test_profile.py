@@ -13,6 +13,7 @@ import pytest
 from support.machines.planned_laws import chains, laws_of, sampled
 from support.machines.slow_machines import drawn
 from support.machines.stepped_runs import T2, largest, program, shipped
+from support.oracles.laws import at_share
 from support.parts.nurbs_text import Written, nurbs
 from support.parts.random_surfaces import compound, text
 from support.parts.surface_trains import program as train
@@ -22,7 +23,7 @@ from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine, Tool
 from controller.plan.feed import cruise, profile
 from controller.plan.feed.course import FeedCourse
-from controller.plan.feed.law import at_share, straight, through
+from controller.plan.feed.law import straight, through
 from controller.plan.feed.limits import JointLimits
 from controller.plan.feed.profile import Profile, State
 from controller.plan.path.path import Chain

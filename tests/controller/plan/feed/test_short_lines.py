@@ -11,12 +11,13 @@ from support.machines.planned_laws import chains, laws_of, sampled
 from support.machines.stepped_runs import SHIPPED, largest, shipped
 from support.parts import cam_lines, cam_programs
 
+from controller.geometry.arrays import Array
 from controller.machine.kinematics import kinematics_of
 from controller.motion.motions import ToolLine, ToolSpline
 from controller.plan.feed import profile
-from controller.plan.feed.course import Array, FeedCourse, Index
+from controller.plan.feed.course import FeedCourse, Index
 from controller.plan.lines import exact_rows
-from controller.plan.look_ahead import WINDOW_S, Orders, Place, Windows
+from controller.plan.look_ahead import WINDOW_S, Orders, TrackPlace, Windows
 from controller.plan.surfaces import rates
 from controller.plan.track import Track
 
@@ -80,7 +81,7 @@ def test_a_window_of_short_lines_is_as_long_as_any_other() -> None:
     machine = shipped()
     kinematics = kinematics_of(machine)
     track = Track(chains(exact_lines(1500), machine), machine, kinematics)
-    windows, place, longest = Windows(machine, kinematics), Place(0, 0.0), 0.0
+    windows, place, longest = Windows(machine, kinematics), TrackPlace(0, 0.0), 0.0
     units = []
     while (sent := windows.from_rest(track, place, 0.0, Orders())) is not None and len(units) < 6:
         place, longest = sent.after, max(longest, sent.end_s)
@@ -100,7 +101,7 @@ def places_asked(count: int, monkeypatch: pytest.MonkeyPatch) -> int:
         return derivatives(self, s, index)
 
     track = Track(chains(exact_lines(count), machine), machine, kinematics_of(machine))
-    windows, place = Windows(machine, kinematics_of(machine)), Place(0, 0.0)
+    windows, place = Windows(machine, kinematics_of(machine)), TrackPlace(0, 0.0)
     with monkeypatch.context() as patched:
         patched.setattr(FeedCourse, "derivatives", counted)
         while (sent := windows.from_rest(track, place, 0.0, Orders())) is not None:

@@ -11,15 +11,15 @@ import numpy as np
 import pytest
 from support.machines.stepped_runs import shipped
 from support.machines.traced_programs import mill, trace
+from support.oracles.laws import at_share
 
 from controller.machine import machine_file
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
 from controller.plan.feed import binding, profile
 from controller.plan.feed.course import FeedCourse
-from controller.plan.feed.law import at_share
-from controller.plan.report import moments, planned
-from controller.plan.report.duration import bounded, least_s
+from controller.plan.report import duration, moments, planned
+from controller.plan.report.duration import bounded
 from controller.plan.report.survey import BlockUse, Survey, survey
 from controller.plan.stretch import Chain
 from controller.program.program import ProgramError
@@ -193,7 +193,7 @@ def test_on_the_way_nothing_is_read_beyond_the_bound() -> None:
 def test_the_least_time_is_just_below_the_planned_one() -> None:
     for text in ("G1 X20 F60\nG4 P2\nG0 X-200\n", "G1 X0 Y0 F1000\nG2 X10 Y0 I5 J0 F50\nG1 A20 F600\n"):
         built = mill()
-        least = sum(least_s(item, built) for item in trace(text, built).items)
+        least = sum(s for item in trace(text, built).items for _, s in duration._parts(item, built))
         found, _, _ = looked_at(text, built)
         assert 0.8 * found.duration_s < least <= found.duration_s
 

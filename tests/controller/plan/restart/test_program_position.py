@@ -19,7 +19,6 @@ from controller.plan.restart.program_position import (
     LinePart,
     Spot,
     fraction_at,
-    line_of,
     lines_along,
 )
 
@@ -46,7 +45,7 @@ def test_line_and_fraction_are_those_of_a_look_at_the_whole_chain(name: str) -> 
             for s in SHARES * stretch.motion.end * 0.9999:
                 line, fraction = at(parts, s)
                 true = 1.0 if stretch.name == "lift" else fraction_at(chain, k, s)
-                assert (line, fraction) == (line_of(stretch, s), pytest.approx(true, abs=1e-9)), stretch.name
+                assert (line, fraction) == (stretch.line_at(s), pytest.approx(true, abs=1e-9)), stretch.name
                 looked += 1
     assert looked > 60
 
@@ -60,12 +59,12 @@ def test_what_is_told_in_a_rest_is_what_was_told_in_the_whole(name: str) -> None
             if stretch.feed_mm_s is not None and stretch.name not in BESIDE:
                 begin, later = 0.31 * stretch.motion.end, 0.62 * stretch.motion.end
                 rest = rest_of(
-                    PROGRAMS[name], Spot(line_of(stretch, begin), 0.0, number + k, begin), shipped()
+                    PROGRAMS[name], Spot(stretch.line_at(begin), 0.0, number + k, begin), shipped()
                 )
                 first = next(item for item in rest.items if isinstance(item, Chain))
                 assert first.from_s == begin and (first.first_id or 0) == number + k < ENTRY_ID
                 told = at(lines_along(first, rest.spot.fraction)[0], later)
-                assert told == (line_of(stretch, later), pytest.approx(at(parts, later)[1], abs=1e-9))
+                assert told == (stretch.line_at(later), pytest.approx(at(parts, later)[1], abs=1e-9))
         number += len(chain.stretches)
         if number > 12:
             break

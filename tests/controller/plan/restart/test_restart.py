@@ -13,7 +13,7 @@ from controller.machine.kinematics import kinematics_of
 from controller.plan.path.path import Chain, Pause
 from controller.plan.restart import entry, restart
 from controller.plan.restart.program_position import ENTRY_ID, FORMER, Spot
-from controller.plan.restart.reentry import Fitted
+from controller.plan.restart.reentry import Entrance
 from controller.program.program import Act, ProgramError
 
 FIRST, SECOND = 10, 19  # lines of the two surfaces of Example 2
@@ -145,7 +145,7 @@ def test_an_entry_beyond_the_travel_is_refused_with_its_line() -> None:
     machine = shipped()
     target = rest_of(EXAMPLE_2, Spot(FIRST, 0.5), machine).target
     beyond = (*HOME[:4], 1e4)
-    how = (2, Fitted(), machine, kinematics_of(machine), "p")
+    how = (2, Entrance(machine, kinematics_of(machine)), "p")
     assert entry.enter(target, beyond, *how), "from there it may come"
     with pytest.raises(ProgramError, match="way back into the program"):
         entry.enter(target, (301.0, *HOME[1:2], 100.0, *HOME[3:]), *how)

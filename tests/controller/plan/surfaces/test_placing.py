@@ -64,20 +64,35 @@ def test_double_cuts_example_2_to_the_figures_of_the_issue(member, radius, paper
 
 
 # A plain least-squares trial reached 1.4, 8.5, 0.8 and 17 um, by a judge that missed places beside a pivot.
+BEYOND_TRIAL = pytest.mark.xfail(
+    strict=True,
+    reason="8.67 um by today's judge, with four times the spans, too; 8.62 where bends cost next to nothing",
+)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("member", "radius", "double", "optimal"),
-    [(0, 3.0, 8.0, 1.4), (1, 3.0, 60.0, 8.7), (0, -3.0, 8.0, 0.8), (1, -3.0, 70.0, 17.0)],
+    ("member", "radius", "strategy", "most"),
+    [
+        (0, 3.0, Strategy.DOUBLE, 8.0),
+        (1, 3.0, Strategy.DOUBLE, 60.0),
+        (0, -3.0, Strategy.DOUBLE, 8.0),
+        (1, -3.0, Strategy.DOUBLE, 70.0),
+        (0, 3.0, Strategy.OPTIMAL, 1.4),
+        pytest.param(1, 3.0, Strategy.OPTIMAL, 8.5, marks=BEYOND_TRIAL),
+        (0, -3.0, Strategy.OPTIMAL, 0.8),
+        (1, -3.0, Strategy.OPTIMAL, 17.0),
+    ],
 )
 def test_the_verifier_finds_the_figures_of_the_issue_with_the_end_of_the_cutter(
-    member, radius, double, optimal
+    member, radius, strategy, most
 ):
     surface, cutter = example_2()[member], plain(radius)
-    for strategy, most in ((Strategy.DOUBLE, double), (Strategy.OPTIMAL, optimal)):
-        one = nominal(place(surface, cutter, strategy), math.copysign(1.0, radius))
-        found = judge([one], {one.tool: [single(one)]})[0].inside
-        print(f"{strategy.name} {radius}: {found.overcut} {found.undercut}")
-        assert found.largest_mm * 1e3 < most and found.uncut == 0.0
+    one = nominal(place(surface, cutter, strategy), math.copysign(1.0, radius))
+    found = judge([one], {one.tool: [single(one)]})[0].inside
+    print(f"{strategy.name} {radius}: {found.overcut} {found.undercut}")
+    assert found.uncut == 0.0
+    assert found.largest_mm * 1e3 < most
 
 
 @pytest.mark.parametrize(

@@ -8,9 +8,9 @@ import pytest
 from support.drives.lone_drive import Lone, Refused
 
 from drives.bench.simulated import Parameters
-from drives.bench.simulated.aborts import Code
 from drives.bench.simulated.data_sheet import key
-from drives.bench.simulated.sdo_block import checksum
+from drives.bench.simulated.dictionary import Code
+from drives.bench.simulated.sdo_server import checksum
 
 SCRATCH = bytes.fromhex("022000")
 NAME = bytes.fromhex("081000")

@@ -8,8 +8,7 @@ import pytest
 
 from drives.bench.simulated.data_sheet import key
 from drives.bench.simulated.dictionary import Dictionary
-from drives.bench.simulated.sdo_block import BlockDownload, BlockUpload, checksum
-from drives.bench.simulated.sdo_server import SdoServer
+from drives.bench.simulated.sdo_server import BlockDownload, BlockUpload, SdoServer, checksum
 
 SCRATCH = bytes.fromhex("022000")
 
