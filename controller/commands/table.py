@@ -555,7 +555,16 @@ ALL: tuple[Command, ...] = (
         (Argument("id", Whole(0, MAX_WHOLE), default=None),),
         lane=Lane.LOOK,
     ),
-    look("runs"),
+    Command(
+        "panel_damaged",
+        Access.OPERATE,
+        (
+            Argument("file", Text(1000, 1), "The panel's store."),
+            Argument("aside", Text(1000, 1), "Where a copy of the damaged one is."),
+            Argument("tables", Text(200), "Of which rows were lost; empty: the last changes.", ""),
+        ),
+        lane=Lane.LOOK,
+    ),
     Command(
         "keep_run",
         Access.OPERATE,
