@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from support.fakes.fake_engine import served
+from support.fakes.fake_engine import engine_of, served
 from support.fakes.panels import Scene, take_control
 
 from controller import own_database
@@ -32,6 +32,7 @@ from controller.service.command_handlers import CommandHandlers
 from controller.service.requests import Requests
 from controller.service.service import Service
 from controller.service.socket_server import Server
+from controller.state.modes import Mode, Request
 from controller.store import service_store
 
 MAY = {
@@ -160,6 +161,17 @@ def test_what_is_sent_while_a_key_is_held_is_noted_once_and_no_flood_is_kept(
             desk.client.ask_for(Asker(f"user{number}"), "hold", {})
     desk.rows()
     assert len(desk.rows()) <= 50 and desk.rows()[-1]["user"] == "user119"
+
+
+def test_a_disk_that_takes_its_time_keeps_nobody_from_looking_or_from_a_stop(desk: Desk) -> None:
+    """What is noted of it is written afterwards."""
+    taken, engine = (Request.HOLD, Request.STOP, Request.ESTOP), engine_of(desk.service)
+    engine.now = engine.now._replace(mode=Mode.RUNNING)
+    with desk.service.store.write():
+        for verb in ("status", "facts", "hold", "stop", "estop", "status"):
+            desk.client.ask(verb)
+    assert [one for one in engine.requests if one in taken] == [*taken]
+    assert [row["verb"] for row in desk.rows()] == ["hold", "stop", "estop"]
 
 
 def test_what_is_refused_after_its_answer_was_promised_is_noted_so(desk: Desk) -> None:
