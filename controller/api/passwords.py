@@ -15,36 +15,15 @@ from controller.messages import Message, message
 MIN_LENGTH, MAX_LENGTH = 8, 200
 MIN_LEFT = 4  # letters beside a common word
 ROWS = ("qwertyuiop", "qwertzuiop", "asdfghjkl", "zxcvbnm", "yxcvbnm", "abcdefghijklmnopqrstuvwxyz")
-WORDS = (  # of both languages, the longest first where one has another in it
+# Of both languages, the longest first where one has another in it.
+WORDS = (
     *("administrator", "admin", "iloveyou", "ichliebedich", "password", "passwort", "kennwort", "letmein"),
-    *(
-        "welcome",
-        "willkommen",
-        "sunshine",
-        "princess",
-        "football",
-        "fussball",
-        "baseball",
-        "dragon",
-        "monkey",
-    ),
-    *("superman", "batman", "master", "shadow", "secret", "geheim", "hallo", "hello", "schatz", "login"),
-    *("computer", "internet", "starwars", "trustno", "whatever", "changeme", "default", "access", "root"),
-    *("machine", "maschine", "directrix", "operator", "bediener", "test", "user", "guest", "gast", "pass"),
-    *(
-        "zaqwsx",
-        "qazwsx",
-        "yaqxsw",
-        "summer",
-        "winter",
-        "spring",
-        "autumn",
-        "sommer",
-        "herbst",
-        "monday",
-        "montag",
-        "freedom",
-    ),
+    *("welcome", "willkommen", "sunshine", "princess", "football", "fussball", "baseball", "dragon"),
+    *("monkey", "superman", "batman", "master", "shadow", "secret", "geheim", "hallo", "hello", "schatz"),
+    *("login", "computer", "internet", "starwars", "trustno", "whatever", "changeme", "default", "access"),
+    *("root", "machine", "maschine", "directrix", "operator", "bediener", "test", "user", "guest", "gast"),
+    *("pass", "zaqwsx", "qazwsx", "yaqxsw", "summer", "winter", "spring", "autumn", "sommer", "herbst"),
+    *("monday", "montag", "freedom"),
 )
 EXCHANGED = str.maketrans("013457@$!", "oleastasi")
 
