@@ -163,7 +163,7 @@ def see(facts: os.stat_result, file: Path, owner: int | None, alone: bool) -> No
 
 
 def may_read(user: int, file: Path, facts: os.stat_result) -> bool:
-    """Whether a user of the system could have read a file himself: his own, or by the modes of file and folders.
+    """Whether a user of the system could have read a file himself: his, or by the modes of file and folders.
 
     What has no size is of the kernel (``/proc``): there modes are not all that counts.
     """

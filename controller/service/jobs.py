@@ -404,8 +404,8 @@ def _content(path: Path, reader: int | None) -> bytes:
     """
     try:
         with own_files.opened(path.resolve(), os.O_RDONLY, shared=True) as file:
-            trusted = reader is None or reader in (0, os.geteuid())
-            if not (trusted or own_files.may_read(reader, path, os.fstat(file.fileno()))):
+            facts = os.fstat(file.fileno())
+            if reader and reader != os.geteuid() and not own_files.may_read(reader, path, facts):
                 raise own_files.refusal(errno.EPERM, message("own_file.not_readable", user=reader), path)
             return _bounded(file.read(linked.MAX_BYTES + 1), path)
     except (OSError, ValueError) as error:  # ValueError: a name that no file can have

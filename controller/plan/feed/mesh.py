@@ -36,7 +36,6 @@ FINEST_S = 5e-4  # ... unless they are this close in time
 HEADROOM = 1.15  # the limits allow so much more than the feed: it holds the speed alone
 GROWTH = 0.25  # of a knot's interval per time from where something happens
 STEP_OF_SPEED = 0.15  # change of ln(allowed speed) per interval
-NO_WAY = 1e-10  # mm or rad
 INSET = 1e-9  # of a part's length: what lies inside is not at its mark
 EVEN_TIMES = 4000  # at which an estimate is smoothed
 MAX_CLOSER = 4.0  # times as many knots at narrow places

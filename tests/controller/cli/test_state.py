@@ -125,7 +125,7 @@ def test_every_file_that_it_lists_is_damaged_by_a_bit_and_then_alone(copied: Pat
     program.write_bytes(b"M2\n")
     program.with_name("events.jsonl").write_bytes(b"")  # cut short where no line shows it
     (damaged,) = (one for one in asked(copied, 1) if one["condition"] == "damaged")
-    assert damaged["file"].endswith("events.jsonl") and damaged["why"]
+    assert damaged["file"].endswith("events.jsonl") and "events.jsonl:1" in damaged["why"]
 
 
 def test_a_file_that_is_gone_beside_the_one_before_it_is_damaged(copied: Path) -> None:
