@@ -1,4 +1,4 @@
-"""SYNC and TIME: identifier, counter, time-out, a drive that produces SYNC, one that hears the time of day."""
+"""SYNC and TIME: identifier, counter, time-out, a drive that produces SYNC or hears the time of day."""
 
 from __future__ import annotations
 
