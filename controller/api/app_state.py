@@ -115,7 +115,7 @@ class Panel:
     async def _report_losses(self) -> None:
         if losses := await asyncio.to_thread(lambda: self.store.losses):
             for what in losses:
-                await self.door.ask("panel_damaged", **what["values"])
+                await self.door.ask("panel_damaged", **what)
             await asyncio.to_thread(self.store.losses_reported)
 
     def _tell_check(self, program: str) -> None:

@@ -26,33 +26,13 @@ from controller.api import own_folder
 from controller.api.database import Database, StoreError
 from controller.api.program_queue import Queue
 from controller.api.programs import FOLDER, Checks, Program, ProgramCheck, Programs
-from controller.api.records import (
-    ROLES,
-    Audit,
-    Clock,
-    Entry,
-    Token,
-    User,
-    Users,
-    Values,
-)
-from controller.api.uploads import Upload, UploadLimits, Uploads
+from controller.api.records import Audit, Clock, User, Users, Values
+from controller.api.uploads import UploadLimits, Uploads
 from controller.messages import Message, message
 
 LOSSES = "losses"  # a mark
 
-__all__ = [
-    "ROLES",
-    "Entry",
-    "Program",
-    "ProgramCheck",
-    "Store",
-    "StoreError",
-    "Token",
-    "Upload",
-    "UploadLimits",
-    "User",
-]
+__all__ = ["Program", "ProgramCheck", "Store", "StoreError", "UploadLimits", "User"]
 
 
 class Store:
@@ -77,13 +57,13 @@ class Store:
             self.report(message("store_lost", file=database.file, aside=aside.name))
 
     def report(self, what: Message) -> None:
-        """Something was lost: the panel has the service make an alarm of it. Raises StoreError."""
+        """Something was lost: the panel has the service raise an alarm. Raises StoreError."""
         if what not in (losses := self.losses):
             self.marks.set(LOSSES, [*losses, what], "store")
 
     @property
     def losses(self) -> list[Message]:
-        """Of which the service has made no alarm yet."""
+        """Of which the service has raised no alarm yet."""
         found: list[Message] = self.marks.get(LOSSES, [])
         return found
 

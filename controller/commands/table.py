@@ -559,9 +559,8 @@ ALL: tuple[Command, ...] = (
         "panel_damaged",
         Access.OPERATE,
         (
-            Argument("file", Text(1000, 1), "The panel's store."),
-            Argument("aside", Text(1000, 1), "Where a copy of the damaged one is."),
-            Argument("tables", Text(200), "Of which rows were lost; empty: the last changes.", ""),
+            Argument("key", Choice(("store_lost", "store_rows", "users_lost", "users_lost_some"))),
+            Argument("values", Named(4, 0.0, MAX_WHOLE, 1000), "Of the text of that key."),
         ),
         lane=Lane.LOOK,
     ),

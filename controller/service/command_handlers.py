@@ -121,9 +121,7 @@ def _acknowledge(service: Service, values: Values) -> Values:
 
 def _panel_damaged(service: Service, values: Values) -> Values:
     """The panel has no alarms of its own; one that nobody has acknowledged is not raised again."""
-    known = {name: value for name, value in values.items() if value}
-    said = message("store_rows" if "tables" in known else "store_lost", **known)
-    there = service.alarms.unconfirmed(PANEL_DAMAGE)
+    there, said = service.alarms.unconfirmed(PANEL_DAMAGE), message(values["key"], **values["values"])
     if there is None or there["key"] != said["key"]:
         service.alarms.add(PANEL_DAMAGE, said)
     return {}
