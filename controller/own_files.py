@@ -131,8 +131,10 @@ def opened(
     with folder(file.parent, within) as at:
         handle = os.open(file.name, flags | FLAGS, mode, dir_fd=at)
         try:
-            owner = None if shared else os.stat(within or file.parent).st_uid
-            see(os.fstat(handle), file, owner, alone=flags & os.O_ACCMODE != os.O_RDONLY)
+            owner, facts = None if shared else os.stat(within or file.parent).st_uid, os.fstat(handle)
+            # Whoever may write in a folder gives what he may not read a second name there, and root reads it.
+            lent = os.geteuid() == 0 and facts.st_uid != os.fstat(at).st_uid
+            see(facts, file, owner, alone=lent or flags & os.O_ACCMODE != os.O_RDONLY)
             if flags & os.O_CREAT:
                 give(handle, at)
             os.set_blocking(handle, True)

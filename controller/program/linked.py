@@ -26,6 +26,7 @@ from controller.program import own_codes
 from controller.program.source_text import Bytes
 
 MAX_FILES = 200
+MAX_BYTES = 1 << 30  # of a program
 SHIPPED = Path(__file__).resolve().parents[2] / "config" / "programs" / "probing"
 SUFFIXES = (".ngc", ".nc", ".tap", ".cnc", ".txt", ".h", "")  # of files of subs, the first that is there
 
@@ -120,7 +121,8 @@ def among(files: Mapping[str, Path]) -> Find:
         name = next((there[suffix] for suffix in SUFFIXES if suffix in there), None)
         if name is None or not files[name].is_file():
             return None
-        return name, files[name].read_bytes()
+        with files[name].open("rb") as file:
+            return name, file.read(MAX_BYTES + 1)  # some of /proc have no end
 
     return find
 

@@ -35,7 +35,6 @@ from controller.service.time_left import TimeLeft
 from controller.state.modes import Mode
 
 MDI = "MDI"
-MAX_BYTES = 1 << 30  # of a program
 INTERRUPTED = "interrupted"  # by the end of its service; it is not loaded
 UNDER_WAY = ("starting", "running", "held", "stopping")
 _STATES = {
@@ -371,10 +370,8 @@ def read(args: dict[str, Any], machine: Machine) -> Job:
     path = Path(str(args.get("path", "")))
     try:
         with own_files.opened(path.resolve(), os.O_RDONLY, shared=True) as file:
-            if os.fstat(file.fileno()).st_size > MAX_BYTES:
-                raise refused("too_large", code="bad", path=path, most=MAX_BYTES >> 20)
-            text = file.read()
-    except OSError as error:
+            text = _bounded(file.read(linked.MAX_BYTES + 1), path)
+    except (OSError, ValueError) as error:  # ValueError: a name that no file can have
         raise refused("unreadable", code="bad", path=path, why=error) from error
     found = hashlib.sha256(text).hexdigest()
     wanted = args.get("sha256")
@@ -388,11 +385,21 @@ def read(args: dict[str, Any], machine: Machine) -> Job:
     unchecked = args.get("unchecked") is True and spot is None  # a place in the middle needs the whole
     name = str(args.get("name") or path.name)
     files = linked.among({str(file): Path(str(at)) for file, at in _files(args).items()})
-    text = linked.linked(text, files, machine)
+    try:
+        text = _bounded(linked.linked(text, files, machine), path)
+    except OSError as error:
+        raise refused("unreadable", code="bad", path=error.filename, why=error) from error
     skips = args.get("block_delete") is True
     text = linked.without_deleted(text) if skips else text
     program = Program(text, name, machine, spot, dry_run_mm=dry_run_mm, unchecked=unchecked)
     return Job(program, found, block_delete=skips)
+
+
+def _bounded(text: bytes, path: Path) -> bytes:
+    """As long as a program may be, whatever the size of its file is said to be. Raises CommandRefused."""
+    if len(text) > linked.MAX_BYTES:
+        raise refused("too_large", code="bad", path=path, most=linked.MAX_BYTES >> 20)
+    return text
 
 
 def _files(args: dict[str, Any]) -> dict[str, Any]:

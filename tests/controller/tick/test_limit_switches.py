@@ -16,6 +16,7 @@ from controller.machine.model import Io, Sense
 from controller.machine.toml_table import ConfigError
 from controller.state.modes import Fault, Mode, Request
 from controller.tick.limit_switches import GIVE, End, LimitSwitches
+from drives.cia402 import Wanted
 
 HERE = (0.0, 0.0, 0.0, 0.0, 0.0)
 LOWER, UPPER, A_UPPER = 1, 2, 4
@@ -75,6 +76,36 @@ def test_motion_into_a_pressed_switch_stops_and_costs_that_axis_its_zero() -> No
     at = bench.cycle.follow.joints[X]
     bench.until_rest()
     assert bench.cycle.follow.joints[X] - at < 100.0 * 100.0 / 1900.0
+    bench.close()
+
+
+def test_an_axis_that_brakes_on_its_path_for_another_fault_is_stopped_by_its_switch() -> None:
+    bench = Switched()
+    bench.go((80.0, 30.0, 0.0, 0.0, 0.0))
+    bench.cycle.modes.fail(Fault.CLAMP, A)
+    bench.tick(2)
+    assert not bench.cycle.follow.at_rest and bench.group.drives[X].wanted is Wanted.ENABLED
+    bench.press(UPPER)
+    bench.tick()
+    assert bench.fault() == (Fault.CLAMP, A) and bench.snapshot.warning is Fault.LIMIT_SWITCH
+    assert [drive.wanted is Wanted.QUICK_STOP for drive in bench.group.drives] == [i == X for i in range(5)]
+    assert bench.cycle.modes.untrusted == 1 << X
+    bench.until_rest()
+    bench.close()
+
+
+@pytest.mark.parametrize("later", [0, 1, 3])
+def test_each_axis_that_comes_to_its_switch_is_stopped_also_while_another_one_is(later) -> None:
+    bench = Switched()
+    bench.go((80.0, 30.0, 0.0, 0.5, 0.0))
+    bench.press(UPPER)
+    if later:
+        bench.tick(later)
+    bench.press(UPPER | A_UPPER)
+    bench.tick()
+    assert bench.fault() == (Fault.LIMIT_SWITCH, X)
+    assert [i for i, drive in enumerate(bench.group.drives) if drive.wanted is Wanted.QUICK_STOP] == [X, A]
+    assert bench.cycle.modes.untrusted == 1 << X | 1 << A
     bench.close()
 
 
