@@ -128,7 +128,7 @@ class SimulatedBench:
             self.stepped.rig.drives[of].axis.set_sto(pressed, self.stepped.rig.now_s)
         elif what.startswith(ESTOP):
             self._turn_input(ESTOP)
-        else:
+        elif what != "stand_clear":
             return False
         if pressed:
             self._until(lambda: self._is(Mode.FAULT))

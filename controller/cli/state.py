@@ -138,10 +138,7 @@ def look(state: Path) -> Iterator[Found]:
     for name in owners.SEALED:
         yield from _held(state / name, state, _sealed)
     for name in older_files.DOCUMENTS:
-        for file in (state / name, sealed_file.before(state / name)):
-            yield from _held(file, state, _sealed)
-        if os.path.lexists(sealed_file.before(state / name)):
-            yield from _gone(state / name)
+        yield from _held(state / name, state, _sealed)
     yield from _held(state / older_files.ALARMS, state, _alarms)
     own = own_folder.of(state)
     yield from _held(own / log_in_marker.FILE, state, _log_in)

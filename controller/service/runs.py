@@ -53,6 +53,8 @@ from controller.state.setpoints import (
     counts_per_unit,
     in_counts,
 )
+from controller.store import history
+from controller.store.service_store import ServiceStore
 
 FOLDER, RUN, BEGUN = record_files.RUNS, record_files.RUN, record_files.BEGUN
 ALARM = "RECORD_DAMAGED"
@@ -288,15 +290,14 @@ def _stem(name: str) -> str:
     return time.strftime(_STEM, time.localtime(now_s)) + f".{int(now_s * 1e3) % 1000:03d}-{plain}"
 
 
-def list_runs(state: Path, most: int = 100) -> list[dict[str, Any]]:
-    """The facts of the newest runs, the newest first; a run without an end is left out."""
-    found = []
-    for name in own_files.names(state / FOLDER, state)[::-1]:
-        if facts := _read(state, name, RUN):
-            found.append(facts)
-        if len(found) >= most:
-            break
-    return found
+def index(store: ServiceStore, state: Path) -> None:
+    """Gives runs a row whose service had no time or no room for it: those of records that have an end."""
+    with_row = history.records(store)
+    without = [name for name in own_files.names(state / FOLDER, state) if name not in with_row]
+    with contextlib.suppress(OSError), store.write() as sql:  # a full disk forbids no start
+        for name in without:
+            with contextlib.suppress(KeyError, TypeError, ValueError):  # it has no end, or none that is sound
+                history.add_run(sql, {**_read(state, name, RUN), "id": name})
 
 
 def _read(state: Path, name: str, file: str) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import pytest
+from support.fakes.written_history import indexed
 from support.faults.harm import harmed, times
 from support.suite.seed import SEED
 
@@ -105,7 +106,7 @@ KINDS = {
     "status": Kind(_last, _status),
     "arranged": Kind(_arranged, lambda state: arrangement.load(state / arrangement.FOLDER, MACHINE)),
     "check": Kind(_checked, lambda state: stored.load("a" * 64, state / "checks")[0]),
-    "run": Kind(_ended, lambda state: runs.list_runs(state) or None),
+    "run": Kind(_ended, lambda state: record_files.known(state / record_files.RUNS / RUN) or None),
     "events": Kind(_events, lambda state: _said(events.recorded(state / events.FILE))),
 }
 
@@ -193,7 +194,7 @@ def test_a_beginning_or_end_of_a_run_that_is_damaged_or_of_another_is_put_aside_
     other.write_bytes(file.read_bytes())  # it stands in another's place
     (found,) = runs.put_damaged_aside(tmp_path)
     assert found["key"] == "record_damaged" and found["values"]["file"] == str(other)
-    listed = {run["name"]: run["result"] for run in runs.list_runs(tmp_path)}
+    listed = {run.program: run.result for run in indexed(tmp_path)}
     assert listed == {"part.ngc": "completed", "other.ngc": "lost"}
     other.rename(other.with_name(record_files.BEGUN))  # it was killed: nothing but its beginning is there
     for damaged in (file, other.with_name(record_files.BEGUN)):

@@ -25,6 +25,7 @@ from controller.commands.table import ALL
 from controller.ipc import asker
 from controller.ipc.asker import Asker
 from controller.ipc.control_socket import Client, CommandRefused
+from controller.messages import message
 from controller.program import linked
 from controller.service import requests, socket_server
 from controller.service.command_handlers import CommandHandlers
@@ -106,6 +107,25 @@ def test_what_the_panel_asks_for_is_noted_with_user_role_and_address(desk: Desk,
     assert ("token script-operate", "operate", "10.0.0.7", "stop") in found
     assert any(verb == "override" for *_, verb in found)
     assert all(user == "token script-operate" for user, *_ in found)
+
+
+def test_alarms_are_acknowledged_by_whom_the_panel_names_and_files_loaded_for_the_user_at_the_socket(
+    desk: Desk, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    desk.service.alarms.add("TEST", message("stopped"))
+    desk.client.ask_for(Asker("anna", "operate"), "acknowledge", {"id": 1})
+    assert desk.service.alarms.list()[0]["acknowledged_by"] == "anna"
+    lost = message("users_lost_some", were=3, are=1)
+    for _ in range(2):
+        desk.client.ask("panel_damaged", **lost)
+    newest, _ = desk.service.alarms.list()
+    assert (newest["name"], newest["key"], newest["values"]) == ("STORE_DAMAGED", *lost.values())
+    (tmp_path / "a.ngc").write_text("M2\n")
+    desk.client.ask("load", path=str(tmp_path / "a.ngc"))
+    monkeypatch.setattr(socket_server, "of_socket", lambda own: (64002, os.getegid()))
+    with contextlib.closing(Client(desk.path, 20.0)) as other, pytest.raises(CommandRefused) as refused:
+        other.ask("load", path=str(tmp_path / "a.ngc"))
+    assert refused.value.said["key"] == "unreadable"
 
 
 def test_who_names_nobody_is_the_user_at_the_socket_and_who_names_him_wrongly_is_refused(desk: Desk) -> None:
