@@ -148,9 +148,9 @@ def look(state: Path) -> Iterator[Found]:
     if os.path.lexists(state / service_store.COPY) or sealed_file.is_marked(state / service_store.FILE):
         yield from _gone(state / service_store.FILE)
     folders = Folders.within(state)
-    for folder in (folders.arranged, folders.checks):
+    for folder, condition in ((folders.arranged, _record), (folders.checks, _sealed)):
         for name in own_files.names(folder, state):
-            yield from _held(folder / name, state, _record)
+            yield from _held(folder / name, state, condition)
     for name in own_files.names(own / FOLDER, state):
         if name.endswith(CONTENT):
             yield from _held(own / FOLDER / name, state, _program)
