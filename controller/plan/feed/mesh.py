@@ -285,7 +285,9 @@ def times(s: Array, v: Array) -> Array:
     return np.concatenate([[0.0], np.cumsum(np.where(step > 0.0, t, 0.0))])
 
 
-def knots(found: Samples, v: Array, step_s: float, most: int, widest: float) -> tuple[Array, Index]:
+def knots(
+    found: Samples, v: Array, step_s: float, most: float = math.inf, widest: float = 1.0
+) -> tuple[Array, Index]:
     """Knots (n + 1,) from the first sample to the last, and the part of each interval (n,).
 
     ``v`` is the speed expected at the samples, ``step_s`` the time between knots where something happens.
