@@ -145,8 +145,9 @@ def look(state: Path) -> Iterator[Found]:
     yield from _held(own / own_folder.STORE, state, _rows)
     for name in (tool_store.OLDER, service_store.FILE, service_store.COPY):
         yield from _held(state / name, state, _rows)
-    if os.path.lexists(state / service_store.COPY) or sealed_file.is_marked(state / service_store.FILE):
-        yield from _gone(state / service_store.FILE)
+    was = os.path.lexists(state / service_store.COPY) or sealed_file.is_marked(state / service_store.FILE)
+    if was and not os.path.lexists(state / service_store.FILE):
+        yield Found(service_store.FILE, DAMAGED, message("sealed.gone"))
     folders = Folders.within(state)
     for folder, condition in ((folders.arranged, _record), (folders.checks, _sealed)):
         for name in own_files.names(folder, state):
@@ -189,12 +190,6 @@ def _held(file: Path, state: Path, condition: Callable[[Path, Path], Condition])
         yield Found(name, DAMAGED, of_error(error))
     except sqlite3.Error as error:
         yield Found(name, DAMAGED, messages.plain(str(error)))
-
-
-def _gone(file: Path) -> Iterator[Found]:
-    """A file that was there, and is no more: something has taken it away."""
-    if not os.path.lexists(file):
-        yield Found(file.name, DAMAGED, message("sealed.gone"))
 
 
 # -- each raises one of the above for what is damaged
