@@ -98,13 +98,13 @@ ROOMS: dict[str, dict[str, set[str]]] = {
     "controller/plan": {
         "banded": set(),  # linear systems
         "junctions": set(),  # where rates jump
-        "stretch": set(),  # what a path is made of
-        "rotaries": {"stretch"},
-        "surfaces": {"stretch", "rotaries"},
-        "lines": {"stretch", "rotaries", "surfaces", "banded", "junctions"},
-        "path": {"stretch", "rotaries", "surfaces", "lines"},
-        "restart": {"stretch", "rotaries", "surfaces", "path"},
-        "feed": {"stretch", "rotaries", "surfaces", "banded", "junctions"},
+        "segment": set(),  # what a path is made of
+        "rotaries": {"segment"},
+        "surfaces": {"segment", "rotaries"},
+        "lines": {"segment", "rotaries", "surfaces", "banded", "junctions"},
+        "path": {"segment", "rotaries", "surfaces", "lines"},
+        "restart": {"segment", "rotaries", "surfaces", "path"},
+        "feed": {"segment", "rotaries", "surfaces", "banded", "junctions"},
         "stops": {"feed", "junctions"},
     },
     "drives": {

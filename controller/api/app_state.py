@@ -35,10 +35,19 @@ class Panel:
     """Store, users, control token, and the way to the machine."""
 
     def __init__(
-        self, store: Store, door: ServiceClient, checker: Checker | None = None, anybody_stops: bool = False
+        self,
+        store: Store,
+        door: ServiceClient,
+        checker: Checker | None = None,
+        anybody_stops: bool = False,
+        by_tls: bool = False,
     ) -> None:
-        """``checker``: None where programs are not checked here. Raises StoreError."""
+        """``checker``: None where programs are not checked here; ``by_tls``: it does TLS itself, no proxy.
+
+        Raises StoreError.
+        """
         self.anybody_stops = anybody_stops  # also who may only look: hold, stop and e-stop
+        self.by_tls = by_tls
         self.store, self.checker = store, checker
         self.door = self.watch = Watch(door)
         self.uploading = Quota("upload_many_of_one", MAX_UPLOADS)

@@ -149,9 +149,9 @@ def look(state: Path) -> Iterator[Found]:
     if was and not os.path.lexists(state / service_store.FILE):
         yield Found(service_store.FILE, DAMAGED, message("sealed.gone"))
     folders = Folders.within(state)
-    for folder in (folders.arranged, folders.checks):
+    for folder, condition in ((folders.arranged, _record), (folders.checks, _sealed)):
         for name in own_files.names(folder, state):
-            yield from _held(folder / name, state, _record)
+            yield from _held(folder / name, state, condition)
     for name in own_files.names(own / FOLDER, state):
         if name.endswith(CONTENT):
             yield from _held(own / FOLDER / name, state, _program)

@@ -26,6 +26,7 @@ from controller.program import own_codes
 from controller.program.source_text import Bytes
 
 MAX_FILES = 200
+MAX_BYTES = 1 << 30  # of a program
 SHIPPED = Path(__file__).resolve().parents[2] / "config" / "programs" / "probing"
 SUFFIXES = (".ngc", ".nc", ".tap", ".cnc", ".txt", ".h", "")  # of files of subs, the first that is there
 

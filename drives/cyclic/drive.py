@@ -144,7 +144,7 @@ class Drive(PowerStage):
         if len(data) != pdo.PDO_BYTES:
             self.malformed += 1
             self.again += 1
-            self.answers.again += 1
+            self.answers.add()
             return
         statusword, position = _unpack_feedback(data)
         if self._arrived:
@@ -175,8 +175,7 @@ class Drive(PowerStage):
         if self.load is None or len(data) != pdo.DEMAND.size:
             self.malformed += 1
             return
-        (self.load.position,) = pdo.DEMAND.unpack(data)
-        self.load.is_new = True
+        self.load.receive(*pdo.DEMAND.unpack(data))
 
     def _look_at_load(self, load: LoadEncoder) -> None:
         """Load against motor, of the same SYNC; where the drive seeks its zero, the two begin anew."""
@@ -267,11 +266,10 @@ class Drive(PowerStage):
         if self._late:
             self._late -= 1
             if near and abs(moved) >= MOVES:
-                self.answers.bunched = True
-                self.answers.again += 1
+                self.answers.add(bunched=True)
             return
         self.again += 1
-        self.answers.again += 1
+        self.answers.add()
         differs = again != 0 or statusword != self.statusword
         self.near = near and statusword == self.statusword
         if self.again > 1:

@@ -171,7 +171,7 @@ class SpindleDrive(PowerStage):
         self.speed_at_s = now_s
         if self._arrived:
             self.again += 1
-            self.answers.again += 1
+            self.answers.add()
         self._arrived = True
         if statusword != self.statusword or self._pending:
             self.statusword = statusword

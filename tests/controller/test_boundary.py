@@ -232,9 +232,11 @@ def test_an_interrupted_parting_is_gone_on_with_and_opens_nothing(state: Path, d
     assert not {"store.sqlite", "log_in", "programs"} & {*os.listdir(state)}
 
 
-def test_no_file_is_loaded_for_whom_it_does_not_belong_to(state: Path) -> None:
+def test_no_file_is_loaded_for_whom_may_not_read_it(state: Path) -> None:
     """Not by its path, by a link, nor as a sub: a refusal would say what is in it."""
     own, secret = own_folder.of(state), state.parent / "etc" / "kept"
+    (shared := state.parent / "etc" / "shared.ngc").write_bytes(b"(of anybody)\nM30\n")
+    secret.chmod(0o640)
     (own / "link.ngc").symlink_to(secret)
     (own / "main.ngc").write_bytes(b"o<kept> call\nM30\n")
     os.chown(own / "main.ngc", PANEL, GROUP)
@@ -243,9 +245,18 @@ def test_no_file_is_loaded_for_whom_it_does_not_belong_to(state: Path) -> None:
         values = {"path": str(own / name), "files": files, jobs.READER: reader}
         return bytes(jobs.read(values, shipped()).program.text)
 
-    for name, files in ((str(secret), {}), ("link.ngc", {}), ("main.ngc", {"kept": str(secret)})):
+    assert asked(str(shared), PANEL) == shared.read_bytes()
+    for name, files in (
+        (str(secret), {}),
+        ("link.ngc", {}),
+        ("main.ngc", {"kept": str(secret)}),
+        ("/proc/self/maps", {}),
+    ):
         with pytest.raises(CommandRefused) as refused:
             asked(name, PANEL, **files)
         assert refused.value.said["key"] == "unreadable"
-        assert b"root's" in asked(name, 0, **files)
+    assert all(b"root's" in asked(name, 0) for name in (str(secret), "link.ngc"))
+    shared.parent.chmod(0o750)
+    with pytest.raises(CommandRefused):
+        asked(str(shared), PANEL)
     assert asked("main.ngc", PANEL) == (own / "main.ngc").read_bytes()

@@ -125,7 +125,7 @@ def test_every_file_that_it_lists_is_damaged_by_a_bit_and_then_alone(copied: Pat
     program.write_bytes(b"M2\n")
     program.with_name("events.jsonl").write_bytes(b"")  # cut short where no line shows it
     (damaged,) = (one for one in asked(copied, 1) if one["condition"] == "damaged")
-    assert damaged["file"].endswith("events.jsonl") and damaged["why"]
+    assert damaged["file"].endswith("events.jsonl") and "events.jsonl:1" in damaged["why"]
 
 
 def test_a_file_that_is_gone_beside_the_one_before_it_is_damaged(copied: Path) -> None:
@@ -164,7 +164,9 @@ def test_what_was_written_ahead_and_is_damaged_is_so_after_a_look_too(
 
 def test_older_files_are_said_to_be_older_in_words_too(copied: Path) -> None:
     (copied / "fitting.json").write_text('{"parameters": {"500": 1.0}}')
-    assert {one["file"] for one in asked(copied, 0) if one["condition"] == "older"} == {"fitting.json"}
+    check = f"checks/{'b' * 64}.json"
+    (copied / check).write_text('{"key": "b", "ticks": 2}')
+    assert {one["file"] for one in asked(copied, 0) if one["condition"] == "older"} == {"fitting.json", check}
     (copied / "usage.json").write_text("{")
     done = CliRunner().invoke(app, ["state", "check", "--state", str(copied)])
     assert done.exit_code == 1 and "usage.json: DAMAGED" in done.output
