@@ -85,7 +85,3 @@ class Brake:
         self.active = saved is not None
         if saved is not None:
             _CHANGES.put(self, saved)
-
-    def end(self) -> None:
-        """It is over, and what comes next is none of it."""
-        self.active = False

@@ -170,7 +170,7 @@ class Follow:
 
     def _empty(self) -> None:
         self._queue.clear(self._clock.tau)
-        self._brake.end()
+        self._brake.restore(None)
         self._goes = False
         self._now = self._queue.first
         self._base = self.joints

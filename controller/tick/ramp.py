@@ -24,7 +24,6 @@ whatever lies between the two.
 
 from __future__ import annotations
 
-import copy
 import math
 from typing import NamedTuple
 
@@ -54,10 +53,6 @@ class Ramp:
     @property
     def at_rest(self) -> bool:
         return self.v == 0.0 and self.a == 0.0
-
-    def copy(self) -> Ramp:
-        """One that goes on from here by itself."""
-        return copy.copy(self)
 
     def stand(self, back: bool) -> None:
         """At rest at once, with the last step taken back if ``back``."""
