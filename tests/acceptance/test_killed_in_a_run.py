@@ -283,7 +283,10 @@ def test_a_folder_copied_in_a_cut_is_gone_on_with_elsewhere(
     other = served(tmp_path, setup_data.noted(tmp_path / "state"))
     try:
         entry = other.journal.last
-        assert entry is not None and not entry.ended and not other.alarms.list()
+        assert entry is not None and not other.alarms.list()
+        if entry.ended:  # a computer so busy that the cut was over before it was copied
+            assert facts(folder)["result"] == "completed"
+            return
         job = restart_preview.gone_on_with(other, {"path": str(other.state / "part.ngc"), "name": "part.ngc"})
     finally:
         other.close()
