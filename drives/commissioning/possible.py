@@ -22,10 +22,11 @@ from drives.commissioning.values import shown_at
 from drives.commissioning.wanted import RPDO, Pdo, Setting, Settings, where
 from drives.profile import Profile, Supervision
 from drives.settings import IoSettings, MasterSettings, NodeSettings, SpindleSettings
-from drives.texts import Key, Message, message, once, plain
+from drives.texts import Key, Message, chain, message, once, plain
 
 INTO, OUT_OF = ("wo", "rw", "rww"), ("ro", "rw", "rwr")  # access of what an RPDO, a TPDO may hold
 PERIOD, PERIOD_PROBLEM = 0x60C2, "on_paper.period"
+LAST_SEARCH = 34  # of the homing methods that move the axis
 MAX_BITS = 64  # of process data in a frame
 
 # Objects of which a person can change the value: what, is the text ``on_paper.do.60C2`` for one.
@@ -75,6 +76,8 @@ def warnings(settings: Settings, master: MasterSettings, sheet: Sheet) -> list[M
     family = None if isinstance(settings, IoSettings) else settings.profile
     if family and family.supervision is Supervision.NONE and settings.unsupervised:
         found.append(_of_profile(family, message("on_paper.accepted", problem=UNNOTICED)))
+    if isinstance(settings, NodeSettings):
+        found += _of_search(settings, sheet)
     for used in wanted.pdos_of(settings):
         if used.optional and not wanted.carries(used, sheet):
             key = "on_paper.mode_unseen" if used.event_ms else "on_paper.demand_unseen"
@@ -85,6 +88,19 @@ def warnings(settings: Settings, master: MasterSettings, sheet: Sheet) -> list[M
                 problems = _of_setting(setting, sheet)
                 found += (message("on_paper.accepted", problem=problem) for problem in problems)
     return once(found)
+
+
+def _of_search(node: NodeSettings, sheet: Sheet) -> Iterator[Message]:
+    """A search for a switch whose speeds nobody says: one of 0 never ends."""
+    said = {(index, sub) for index, sub, _, _ in wanted.homing_speeds(node)}
+    unsaid = [
+        where(index, sub)
+        for index, sub in ((0x6099, 1), (0x6099, 2), (0x609A, 0))
+        if (index, sub) not in said and sheet.has(index, sub) and not sheet.default(index, sub)
+    ]
+    if unsaid and not node.absolute and 1 <= node.homing_method <= LAST_SEARCH:
+        facts = {"method": node.homing_method, "sheet": sheet.name}
+        yield message("on_paper.search", **facts, objects=chain("and", unsaid))
 
 
 def unit_problems(settings: Settings, sheet: Sheet) -> Iterator[Message]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -90,8 +91,6 @@ def test_every_mismatch_is_told_not_only_the_first() -> None:
 
 
 def test_a_missing_object_that_the_profile_calls_optional_is_a_remark() -> None:
-    from dataclasses import replace
-
     profile = replace(GENERIC, optional=(0x6065,))
     found, remarks, _ = possible.of_profile(profile, changed("6065", "", ""), MASTER)
     assert found == []
@@ -106,6 +105,20 @@ def test_a_position_in_si_units_says_what_counts_a_machine_file_is_to_have(word:
     """Which check of a machine and commissioning refuse otherwise; a sheet alone has no counts."""
     verdict = possible.of_profile(GENERIC, changed("60A8", "DefaultValue", word), MASTER)
     assert [said in english(one) for one in verdict.undecided] == [True] and not verdict.problems
+
+
+def test_a_search_for_a_switch_at_a_speed_that_nobody_says_is_warned_of() -> None:
+    """A drive that has 0 there stands still until homing is given up."""
+    about = changed("6099sub1", "DefaultValue", "0")
+    node = NodeSettings("X", "can", 1, "mine.eds", homing_method=24)
+    for one, warned in (
+        (node, True),
+        (replace(node, homing_method=37), False),
+        (replace(node, absolute=True), False),
+        (replace(node, homing_fast_counts_s=500), False),
+    ):
+        told = [english(each) for each in possible.warnings(one, MASTER, about)]
+        assert any("6099h:01" in each and "homing never ends" in each for each in told) is warned, told
 
 
 # What reads like a refusal: something that somebody is to do, or to give up.
