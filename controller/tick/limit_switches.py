@@ -9,14 +9,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Final
 
 from controller.machine.model import Axis, Joints, Machine
 from controller.state.modes import Fault, Mode
 from controller.tick.mode import Modes
 
 GIVE = 0.1  # mm or degrees
-_HOMING: Final = Mode.HOMING
 
 
 class LimitSwitches:
@@ -32,7 +30,7 @@ class LimitSwitches:
         self, inputs: int, modes: Modes, new: Joints, last: Joints, actual: Sequence[float], ticks: int
     ) -> None:
         """``inputs``: 1 = free; ``new``, ``last``: the joints of the last two ticks; ``actual``: mm, rad."""
-        homes, on_path = modes.mode is _HOMING, modes.on_path
+        homes, on_path = modes.mode is Mode.HOMING, modes.on_path
         for end in self._ends:
             i = end.index
             given = end.follow(bool(inputs & end.bit), actual[i], ticks)
