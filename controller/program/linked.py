@@ -108,7 +108,7 @@ def _of_folder(folder: Path) -> Find:
         return among({})
 
 
-def among(files: Mapping[str, Path]) -> Find:
+def among(files: Mapping[str, Path], read: Callable[[Path], bytes] = Path.read_bytes) -> Find:
     """Finds files of subs among these, by name: ``name.ngc``, or for a number ``1000.ngc`` and ``O1000``."""
     by_label: dict[str, dict[str, str]] = {}
     for name in files:
@@ -121,8 +121,7 @@ def among(files: Mapping[str, Path]) -> Find:
         name = next((there[suffix] for suffix in SUFFIXES if suffix in there), None)
         if name is None or not files[name].is_file():
             return None
-        with files[name].open("rb") as file:
-            return name, file.read(MAX_BYTES + 1)  # some of /proc have no end
+        return name, read(files[name])
 
     return find
 

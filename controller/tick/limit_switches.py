@@ -10,7 +10,9 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from controller.machine.model import Axis, Joints, Machine
+from controller.geometry.vectors import ROUNDING
+from controller.machine.kinematics.slides import Slides
+from controller.machine.model import Axis, Machine
 from controller.state.modes import Fault, Mode
 from controller.tick.mode import Modes
 
@@ -25,16 +27,25 @@ class LimitSwitches:
             end for i, axis in enumerate(machine.axes) for end in _ends(machine, i, axis, machine.period_s)
         ]
         self.present = bool(self._ends)
+        self._slides = Slides(machine.axes)
 
     def watch(
-        self, inputs: int, modes: Modes, new: Joints, last: Joints, actual: Sequence[float], ticks: int
+        self,
+        inputs: int,
+        modes: Modes,
+        new: Sequence[float],
+        last: Sequence[float],
+        actual: Sequence[float],
+        ticks: int,
     ) -> None:
         """``inputs``: 1 = free; ``new``, ``last``: the joints of the last two ticks; ``actual``: mm, rad."""
-        homes, on_path = modes.mode is Mode.HOMING, modes.on_path
+        homes, on_path, slides = modes.mode is Mode.HOMING, modes.on_path, self._slides
+        if not slides.are_square:  # a switch is on a slide, which moves for the others, too
+            new, last, actual = slides.sent(new), slides.sent(last), slides.sent(actual)
         for end in self._ends:
             i = end.index
             given = end.follow(bool(inputs & end.bit), actual[i], ticks)
-            into = end.sense * (new[i] - last[i]) > 0.0 if on_path else homes and given
+            into = end.sense * (new[i] - last[i]) > ROUNDING if on_path else homes and given
             if into and not inputs & end.bit:
                 modes.fail(Fault.LIMIT_SWITCH, i)
 

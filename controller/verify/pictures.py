@@ -26,15 +26,7 @@ from controller.verify.trace import HasMotion, Summary, Trace, following_error, 
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
 
 PIXELS, INCHES, DPI = (1600, 1000), (16.0, 12.0), 100
 # Okabe and Ito's palette: its colours differ for every kind of colour vision, in print too.

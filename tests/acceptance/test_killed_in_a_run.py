@@ -36,7 +36,7 @@ from controller import messages
 from controller.ipc.handoff import COLUMN
 from controller.machine import setup_data
 from controller.plan.restart.program_position import ENTRY_ID, Spot
-from controller.service import restart_preview, runs
+from controller.service import restart_preview
 from controller.service.journal import Entry
 from controller.state.modes import Mode
 
@@ -282,7 +282,6 @@ def test_a_folder_copied_in_a_cut_is_gone_on_with_elsewhere(
     begun, copied = (replace(whole, live=whole.live[: max(0, tick - first_tick)]) for tick in ticks)
     other = served(tmp_path, setup_data.noted(tmp_path / "state"))
     try:
-        runs.lose(other.state)
         entry = other.journal.last
         assert entry is not None and not entry.ended and not other.alarms.list()
         job = restart_preview.gone_on_with(other, {"path": str(other.state / "part.ngc"), "name": "part.ngc"})

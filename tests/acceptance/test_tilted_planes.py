@@ -9,8 +9,9 @@ import pytest
 from support.machines.stepped_runs import SHIPPED, cut, shipped
 from support.machines.traced_programs import segments, trace
 from support.oracles import tilted_planes
-from support.oracles.tilted_planes import Array, Bench
+from support.oracles.tilted_planes import Bench
 
+from controller.geometry.arrays import Array
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
 from controller.plan.rotaries.branch import joints_along

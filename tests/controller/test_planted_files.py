@@ -124,8 +124,6 @@ def _verb(app: object, *words: str) -> Do:
 def _starts(state: Path, _: Path) -> None:
     """Service and plan, as far as they are the same without processes."""
     service = Service(shipped(), Folders.within(state), FakeEngine(shipped()))  # type: ignore[arg-type]
-    runs.lose(state)
-    runs.list_runs(state)
     service.close()
 
 

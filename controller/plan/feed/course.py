@@ -17,7 +17,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from controller.geometry.arrays import Array, distinct
+from controller.geometry.arrays import Array, Flags, distinct
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine
 from controller.memory import remembered
@@ -110,7 +110,7 @@ class FeedCourse:
             return derivatives(segment, np.clip(s - start, 0.0, segment.motion.end), self.kinematics)
         found = [np.empty((len(s), len(self.machine.axes))) for _ in range(3)]
         for members in groups:
-            here = np.isin(index, members)
+            here: Flags | slice = np.isin(index, members) if len(groups) > 1 else slice(None)
             of = np.searchsorted(members, index[here])
             segments = [self.segments[k] for k in members]
             ends = np.array([segment.motion.end for segment in segments])[of]
@@ -219,21 +219,21 @@ class FeedCourse:
         return self._junctions[k]
 
     def at_ends(self, k: int) -> Derivatives:
-        """At the beginning and the end of segment ``k``; of lines, of which there are many, all at once."""
+        """At the beginning and the end of segment ``k``; of a row, in which there are many, all at once."""
         if k not in self._ends:
-            in_row = isinstance(self.segments[k].motion, ToolLine) and len(self.segments) > MAX_SINGLE
-            if in_row and self._kind(k) is not None:
-                self._ends |= self._line_ends(k)
+            in_row = isinstance(self.segments[k].motion, ToolLine | ToolSpline)
+            if in_row and len(self.segments) > MAX_SINGLE and self._kind(k) is not None:
+                self._ends |= self._row_ends(k)
             else:
                 self._ends[k] = _at_ends(self.segments[k], self.begins[k], self.kinematics)
         return self._ends[k]
 
-    def _line_ends(self, k: int) -> dict[int, Derivatives]:
-        """Of all lines of the same kind as ``k``."""
+    def _row_ends(self, k: int) -> dict[int, Derivatives]:
+        """Of all segments of the same kind as ``k``."""
         alike = [n for n in range(len(self.segments)) if self._kind(n) == self._kind(k)]
-        lines = [self.segments[n] for n in alike]
+        row = [self.segments[n] for n in alike]
         ends = np.array([[self.begins[n], self.segments[n].motion.end] for n in alike]).ravel()
-        d = together(lines, ends, np.repeat(np.arange(len(lines)), 2), self.kinematics)
+        d = together(row, ends, np.repeat(np.arange(len(row)), 2), self.kinematics)
         return {
             n: Derivatives(*(order[2 * i : 2 * i + 2] for order in (d.first, d.second, d.third)))
             for i, n in enumerate(alike)

@@ -36,7 +36,6 @@ FINEST_S = 5e-4  # ... unless they are this close in time
 HEADROOM = 1.15  # the limits allow so much more than the feed: it holds the speed alone
 GROWTH = 0.25  # of a knot's interval per time from where something happens
 STEP_OF_SPEED = 0.15  # change of ln(allowed speed) per interval
-NO_WAY = 1e-10  # mm or rad
 INSET = 1e-9  # of a part's length: what lies inside is not at its mark
 EVEN_TIMES = 4000  # at which an estimate is smoothed
 MAX_CLOSER = 4.0  # times as many knots at narrow places
@@ -286,7 +285,9 @@ def times(s: Array, v: Array) -> Array:
     return np.concatenate([[0.0], np.cumsum(np.where(step > 0.0, t, 0.0))])
 
 
-def knots(found: Samples, v: Array, step_s: float, most: int, widest: float) -> tuple[Array, Index]:
+def knots(
+    found: Samples, v: Array, step_s: float, most: float = math.inf, widest: float = 1.0
+) -> tuple[Array, Index]:
     """Knots (n + 1,) from the first sample to the last, and the part of each interval (n,).
 
     ``v`` is the speed expected at the samples, ``step_s`` the time between knots where something happens.

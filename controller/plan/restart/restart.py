@@ -310,7 +310,7 @@ class _Search:
         rest = replace(chain, segments=chain.segments[k:], from_s=s, first_id=self._count + k)
         spot = Spot(segment.line_at(s), fraction_at(chain, k, s), self._count + k, s)
         target = entry.Target(joints, state, segment.place, self._clear(joints, state), segment, s)
-        return Rest(spot, target, segment.name, _then(rest, self._items), self._source, order)
+        return Rest(spot, target, segment.name, itertools.chain([rest], self._items), self._source, order)
 
     def _at_pause(self, pause: Pause, state: Modal | None = None) -> Rest:
         """``state``: in which it is entered; None: that before the line."""
@@ -319,7 +319,7 @@ class _Search:
         state = state or self._lines.at(pause.place.order).before
         clear = self._clear(self._stands, state)
         target = entry.Target(self._stands, state, pause.place, clear)
-        items = _counted(_then(pause, self._items), self._count)
+        items = _counted(itertools.chain([pause], self._items), self._count)
         return Rest(Spot(line, 0.0), target, "pause", items, self._source, pause.place.order)
 
     # --- how high
@@ -343,11 +343,6 @@ class _Search:
 def _unclamped(items: Iterable[PathItem]) -> Iterator[PathItem]:
     """Clamps are asked for anew on the way that is really gone."""
     return (item for item in items if not (isinstance(item, Pause) and item.act is Act.CLAMP))
-
-
-def _then(first: PathItem, items: Iterator[PathItem]) -> Iterator[PathItem]:
-    yield first
-    yield from items
 
 
 def _counted(items: Iterator[PathItem], first_id: int) -> Iterator[PathItem]:

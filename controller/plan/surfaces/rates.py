@@ -98,7 +98,7 @@ def derivatives(segment: Segment, s: Array, kinematics: Kinematics) -> Derivativ
     if isinstance(segment.motion, ToolLine):
         return Derivatives(*tool_paths.derivatives_of_line(segment.motion, s, kinematics))
     if isinstance(segment.motion, ToolSpline):
-        return Derivatives(*tool_paths.derivatives_of_spline(segment.motion, s, kinematics))
+        return together([segment], s, np.zeros(len(s), dtype=np.intp), kinematics)
     return _derivatives_of_cut(segment, segment.motion, s, kinematics)
 
 
@@ -243,6 +243,8 @@ def kind(segment: Segment, kinematics: Kinematics) -> object:
         return tool_paths.kind(cut, kinematics)
     if isinstance(cut, JointMove):
         return JointMove if isinstance(cut.curve, Line) else None
+    if isinstance(cut, ToolSpline):
+        return ToolSpline, cut.tips, cut.length_mm
     if not isinstance(cut, SurfaceCut) or cut.touches or cut.beside_pole:
         return None
     surface = cut.surface
@@ -274,6 +276,9 @@ def together(segments: Sequence[Segment], s: Array, of: Index, kinematics: Kinem
     lines = [one.motion for one in segments if isinstance(one.motion, ToolLine)]
     if lines:
         return Derivatives(*tool_paths.derivatives_of_lines(lines, s, of, kinematics))
+    splines = [one.motion for one in segments if isinstance(one.motion, ToolSpline)]
+    if splines:
+        return Derivatives(*tool_paths.derivatives_of_splines(splines, s, of, kinematics))
     moves = [one.motion for one in segments if isinstance(one.motion, JointMove)]
     if moves:
         return _even(np.array([_rates(move, kinematics) for move in moves])[of])

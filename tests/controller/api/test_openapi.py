@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Callable
 from pathlib import Path
 from tempfile import mkdtemp
 from typing import Any
@@ -11,6 +12,8 @@ import pytest
 import schemathesis
 from hypothesis import HealthCheck, settings
 from schemathesis.checks import CHECKS
+from schemathesis.pytest.lazy import get_all_tests
+from schemathesis.schemas import BaseSchema
 from support.fakes.panels import Scene
 
 from controller.api import health
@@ -23,6 +26,7 @@ HURRY = settings(max_examples=1, **ANYHOW)
 SHIFT = settings(max_examples=15, **ANYHOW)
 PATIENCE = settings(max_examples=150, **ANYHOW)
 OPERATOR = Principal("test", Role.OPERATE, "local")
+PARTS = 60  # of the routes, so that a share of the slow tests is a share of them
 
 
 def scene_of(users: bool) -> Scene:
@@ -47,11 +51,49 @@ def asked_from_here(scene: Scene) -> Any:
     return asked
 
 
-LOCAL, WITH_USERS = scene_of(False), scene_of(True)
-WITH_USERS.app.openapi_schema = LOCAL.app.openapi()  # the same, and a second to describe
-CHIEF = {"Authorization": f"Bearer {WITH_USERS.tokens['set_up']}"}
-local = schemathesis.openapi.from_asgi("/openapi.json", asked_from_here(LOCAL))
-with_users = schemathesis.openapi.from_asgi("/openapi.json", asked_from_here(WITH_USERS), headers=CHIEF)
+@pytest.fixture(scope="module")
+def local() -> Scene:
+    return scene_of(False)
+
+
+@pytest.fixture(scope="module")
+def with_users(local: Scene) -> Scene:
+    scene = scene_of(True)
+    scene.app.openapi_schema = local.app.openapi()  # the same, and a second to describe
+    return scene
+
+
+def chief(scene: Scene) -> dict[str, str]:
+    return {"Authorization": f"Bearer {scene.tokens['set_up']}"}
+
+
+@pytest.fixture(scope="module")
+def described(local: Scene) -> BaseSchema:
+    return schemathesis.openapi.from_asgi("/openapi.json", asked_from_here(local))
+
+
+@pytest.fixture(scope="module")
+def described_with_users(with_users: Scene) -> BaseSchema:
+    asked = asked_from_here(with_users)
+    return schemathesis.openapi.from_asgi("/openapi.json", asked, headers=chief(with_users))
+
+
+@pytest.fixture(scope="module")
+def routes(described: BaseSchema) -> list[str]:
+    return [found.ok().label for found in described.get_all_operations()]
+
+
+def ask_each(schema: BaseSchema, how: settings, test: Callable[..., None], **fixtures: Any) -> None:
+    """What the generator makes up for each route of a schema, built only where it is asked.
+
+    ``schema.parametrize`` builds it while tests are collected, in every worker and for every choice of tests.
+    """
+    asked = 0
+    for found in get_all_tests(schema=schema, test_func=test, settings=how, given_kwargs={}):
+        _, made = found.ok()
+        made(**fixtures)
+        asked += 1
+    assert asked
 
 
 def ask(scene: Scene, case: Any, **more: Any) -> None:
@@ -68,46 +110,61 @@ ASKED = set[tuple[str, ...]]()
 def is_of_a_new_kind(case: Any) -> bool:
     """Whether the generator has tried that with that value of that route for the first time.
 
-    It tries each value of each route with every wrong type, in every combination with the others.
+    It tries each value of each route with every wrong type, in every combination with the others, and on each
+    path all methods that it has not: that there are none is seen by one of them.
     """
     data = case.meta.phase.data if case.meta else None
-    if getattr(data, "scenario", None) is None:  # made up at random, or an example
+    scenario = getattr(data, "scenario", None)
+    if scenario is None:  # made up at random, or an example
         return True
-    kind = (case.method, case.path, str(data.scenario), str(data.parameter), str(data.parameter_location))
+    method = "" if scenario == "unspecified_http_method" else case.method
+    kind = (method, case.path, str(scenario), str(data.parameter), str(data.parameter_location))
     return kind not in ASKED and not ASKED.add(kind)
 
 
-@local.parametrize()
-@HURRY
-def test_what_is_made_up_is_answered_as_described(case: Any) -> None:
-    if is_of_a_new_kind(case):
-        ask(LOCAL, case)
+@pytest.mark.parametrize("part", range(PARTS))
+def test_what_is_made_up_is_answered_as_described(
+    part: int, described: BaseSchema, routes: list[str], local: Scene
+) -> None:
+    def asked(case: Any) -> None:
+        if is_of_a_new_kind(case):
+            ask(local, case)
+
+    ask_each(described.include(name=routes[part::PARTS]), HURRY, asked)
 
 
 @pytest.mark.slow
-@local.parametrize()
-@SHIFT
-def test_more_that_is_made_up_is_answered_as_described(case: Any) -> None:
-    ask(LOCAL, case)
+@pytest.mark.parametrize("part", range(PARTS))
+def test_more_that_is_made_up_is_answered_as_described(
+    part: int, described: BaseSchema, routes: list[str], local: Scene
+) -> None:
+    def asked(case: Any) -> None:
+        ask(local, case)
+
+    ask_each(described.include(name=routes[part::PARTS]), SHIFT, asked)
 
 
 @pytest.mark.soak
-@local.parametrize()
-@PATIENCE
-def test_much_that_is_made_up_is_answered_as_described(case: Any) -> None:
-    ask(LOCAL, case)
+def test_much_that_is_made_up_is_answered_as_described(described: BaseSchema, local: Scene) -> None:
+    def asked(case: Any) -> None:
+        ask(local, case)
+
+    ask_each(described, PATIENCE, asked)
 
 
 @pytest.mark.soak
-@with_users.parametrize()
-@PATIENCE
-def test_with_users_it_is_answered_as_described_and_nothing_without_log_in(case: Any) -> None:
-    ask(WITH_USERS, case, headers=CHIEF)
+def test_with_users_it_is_answered_as_described_and_nothing_without_log_in(
+    described_with_users: BaseSchema, with_users: Scene
+) -> None:
+    def asked(case: Any) -> None:
+        ask(with_users, case, headers=chief(with_users))
+
+    ask_each(described_with_users, PATIENCE, asked)
 
 
-def test_every_answer_that_is_no_success_has_the_one_form_of_refusal() -> None:
+def test_every_answer_that_is_no_success_has_the_one_form_of_refusal(local: Scene) -> None:
     """In the description: 401, 403 and the others all refer to the same schema."""
-    for path, methods in LOCAL.app.openapi()["paths"].items():
+    for path, methods in local.app.openapi()["paths"].items():
         for method, operation in methods.items():
             if path in (health.ALIVE, health.READY):  # for anybody, and nothing but ok or not
                 continue

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from controller.geometry.arrays import Array
 from controller.machine import machine_file
 from controller.machine.model import Machine
 from controller.motion.motions import SurfaceCut
@@ -15,8 +15,6 @@ from controller.plan.segment import ContinuousPath, Segment
 from controller.post.chords import Form, corners, poses
 from controller.post.text import Asked, height_mm, post
 from controller.runtime import checked
-
-Array = NDArray[np.float64]
 
 TWISTED = b"""G21 G90 G54 G61
 T1 M6

@@ -10,13 +10,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.interpolate import BSpline as Reference
 from support.machines.traced_programs import mill, segments, trace
 from support.oracles import reference_interpreter
 from typer.testing import CliRunner
 
 from controller.__main__ import app
+from controller.geometry.arrays import Array
 from controller.geometry.vectors import Frame
 from controller.machine.kinematics import kinematics_of
 from controller.plan.report import explained
@@ -27,7 +27,6 @@ from controller.program import blocks
 from controller.program.position import homed
 from controller.program.program import ProgramError
 
-Array = NDArray[np.float64]
 MILL = mill()
 KINEMATICS = kinematics_of(MILL)
 HEAD = "G21 G90 G17 G55 F600\nG0 X3 Y-2 Z5\n"

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from support.fakes.fake_engine import served
+from support.fakes.fake_engine import engine_of, served
 from support.fakes.panels import Scene, take_control
 
 from controller import own_database
@@ -25,12 +25,14 @@ from controller.commands.table import ALL
 from controller.ipc import asker
 from controller.ipc.asker import Asker
 from controller.ipc.control_socket import Client, CommandRefused
+from controller.messages import message
 from controller.program import linked
 from controller.service import requests, socket_server
 from controller.service.command_handlers import CommandHandlers
 from controller.service.requests import Requests
 from controller.service.service import Service
 from controller.service.socket_server import Server
+from controller.state.modes import Mode, Request
 from controller.store import service_store
 
 MAY = {
@@ -107,6 +109,25 @@ def test_what_the_panel_asks_for_is_noted_with_user_role_and_address(desk: Desk,
     assert all(user == "token script-operate" for user, *_ in found)
 
 
+def test_alarms_are_acknowledged_by_whom_the_panel_names_and_files_loaded_for_the_user_at_the_socket(
+    desk: Desk, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    desk.service.alarms.add("TEST", message("stopped"))
+    desk.client.ask_for(Asker("anna", "operate"), "acknowledge", {"id": 1})
+    assert desk.service.alarms.list()[0]["acknowledged_by"] == "anna"
+    lost = message("users_lost_some", were=3, are=1)
+    for _ in range(2):
+        desk.client.ask("panel_damaged", **lost)
+    newest, _ = desk.service.alarms.list()
+    assert (newest["name"], newest["key"], newest["values"]) == ("STORE_DAMAGED", *lost.values())
+    (tmp_path / "a.ngc").write_text("M2\n")
+    desk.client.ask("load", path=str(tmp_path / "a.ngc"))
+    monkeypatch.setattr(socket_server, "of_socket", lambda own: (64002, os.getegid()))
+    with contextlib.closing(Client(desk.path, 20.0)) as other, pytest.raises(CommandRefused) as refused:
+        other.ask("load", path=str(tmp_path / "a.ngc"))
+    assert refused.value.said["key"] == "unreadable"
+
+
 def test_who_names_nobody_is_the_user_at_the_socket_and_who_names_him_wrongly_is_refused(desk: Desk) -> None:
     with contextlib.suppress(CommandRefused):
         desk.client.ask("stop")
@@ -145,6 +166,17 @@ def test_what_is_sent_while_a_key_is_held_is_noted_once_and_no_flood_is_kept(
             desk.client.ask_for(Asker(f"user{number}"), "hold", {})
     desk.rows()
     assert len(desk.rows()) <= 50 and desk.rows()[-1]["user"] == "user119"
+
+
+def test_a_disk_that_takes_its_time_keeps_nobody_from_looking_or_from_a_stop(desk: Desk) -> None:
+    """What is noted of it is written afterwards."""
+    taken, engine = (Request.HOLD, Request.STOP, Request.ESTOP), engine_of(desk.service)
+    engine.now = engine.now._replace(mode=Mode.RUNNING)
+    with desk.service.store.write():
+        for verb in ("status", "facts", "hold", "stop", "estop", "status"):
+            desk.client.ask(verb)
+    assert [one for one in engine.requests if one in taken] == [*taken]
+    assert [row["verb"] for row in desk.rows()] == ["hold", "stop", "estop"]
 
 
 def test_what_is_refused_after_its_answer_was_promised_is_noted_so(desk: Desk) -> None:

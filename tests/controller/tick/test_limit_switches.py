@@ -132,6 +132,19 @@ def test_the_axis_is_jogged_off_its_switch_but_not_on() -> None:
     bench.close()
 
 
+@pytest.mark.parametrize(("bits", "lean"), [(UPPER, -1.0), (LOWER, 1.0), (UPPER, 1.0), (UPPER, 0.0)])
+def test_a_slide_that_is_not_square_goes_into_its_switch_where_another_axis_moves(bits, lean) -> None:
+    """Y's own slide leads X along, so that of X goes back, or not at all."""
+    made = make_machine()
+    y = replace(made.axes[1], direction=(lean * 0.1, 1.0, 0.0))
+    x = replace(made.axes[X], limit_inputs=LimitInputs("x_lower", "x_upper"))
+    io = Io("main", 11, "", (("x_lower", 0), ("x_upper", 1)), ())
+    switches, modes = LimitSwitches(replace(made, axes=(x, y, *made.axes[2:]), io=io)), Bench().cycle.modes
+    modes.mode = Mode.RUNNING
+    switches.watch((LOWER | UPPER) & ~bits, modes, (0.0, 1.0, 0.0, 0.0, 0.0), HERE, HERE, 1)
+    assert (modes.fault is Fault.LIMIT_SWITCH) is (lean * (-1.0 if bits == UPPER else 1.0) > 0.0)
+
+
 @pytest.mark.parametrize(("sense", "into"), ((Sense.CARRIED, 1.0), (Sense.ISO, -1.0)))
 def test_the_ends_of_a_rotary_are_those_of_its_sense(sense, into) -> None:
     for sign in (1.0, -1.0):

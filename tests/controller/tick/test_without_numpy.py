@@ -11,15 +11,18 @@ from typing import Any
 
 import pytest
 from support.machines.interrupted_runs import TIPS
-from support.machines.stepped_runs import T2, cut, program, shipped
+from support.machines.planner_bench import PlannerBench
+from support.machines.stepped_runs import T2, program, shipped
 from support.machines.tapping import Tapper
 from support.parts import random_surfaces, surface_trains
 from support.parts.nurbs_text import blade, nurbs
 
+from controller.geometry.placement import Placed
 from controller.ipc import piece_socket
 from controller.ipc.handoff import PieceMessage
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
+from controller.motion.motions import SurfaceCut
 
 CURVE = "G21 G90 G54 G61 G17\nG0 X0 Y0 Z40\nG5 X20 Y8 I8 J12 P-6 Q6 F1500\nM30\n"
 ROUNDED = TIPS.replace("S8000 M3", "")
@@ -66,48 +69,57 @@ sys.stdout.buffer.write(pickle.dumps(found))
 PERIOD_S = 0.01  # what is sent does not depend on how often it is looked at
 
 
-def surfaces(name: str, text: str = "example2_ready") -> Machine:
-    machine = shipped(name, period_s=PERIOD_S)
-    cut(program(text, "2000."), machine)
-    return machine
+Sent = tuple[Machine, list[PieceMessage]]
 
 
-def placed() -> Machine:
+def sent(text: str, name: str = "trunnion") -> Sent:
+    bench = PlannerBench(text, shipped(name, period_s=PERIOD_S))
+    bench.run()
+    assert bench.planner.finished_path
+    return bench.machine, bench.sent
+
+
+def surfaces(name: str, text: str = "example2_ready") -> Sent:
+    return sent(program(text, "2000."), name)
+
+
+def placed() -> Sent:
     """Two twisted surfaces that are cut along a free axis, one after another."""
-    machine = shipped(period_s=PERIOD_S)
-    done = cut(random_surfaces.text(random_surfaces.compound(21, 2), 2000.0, "G42 P3 R0.5"), machine)
-    assert sum(one.motion.surface.through is not None for one in done.segments.values() if one.cutting) == 2
-    return machine
+    machine, messages = sent(random_surfaces.text(random_surfaces.compound(21, 2), 2000.0, "G42 P3 R0.5"))
+    motions = {k: motion for message in messages for k, motion in message.motions.items()}
+    surfaces = [one.surface for one in motions.values() if isinstance(one, SurfaceCut)]
+    assert sum(isinstance(one, Placed) and one.through is not None for one in surfaces) == 2
+    return machine, messages
 
 
-def placed_at_two_points(name: str) -> Machine:
+def placed_at_two_points(name: str) -> Sent:
     """Two cuts of one short surface each."""
     first, second = (surface_trains.program(1, turned_rad=by).replace("P1", "P2") for by in (0.0, 0.4))
-    machine = shipped(name, period_s=PERIOD_S)
-    cut(first.partition("M5")[0] + "G41" + second.partition("G41")[2], machine)
-    return machine
+    return sent(first.partition("M5")[0] + "G41" + second.partition("G41")[2], name)
 
 
-def a_blade() -> Machine:
+def a_blade() -> Sent:
     upper, lower = blade()
-    machine = shipped(period_s=PERIOD_S)
-    cut(T2.format(side="G42", cuts=nurbs(upper, lower, " F1000.")), machine)
-    return machine
+    return sent(T2.format(side="G42", cuts=nurbs(upper, lower, " F1000.")))
 
 
-def lines(text: str, name: str = "trunnion") -> Machine:
-    machine = shipped(name, period_s=PERIOD_S)
-    cut(text, machine)
-    return machine
+def tapping() -> Sent:
+    """On the stepped clock, for a thread is planned by how its spindle turns."""
+    messages, packets = list[PieceMessage](), piece_socket.encode
+
+    def noted(message: PieceMessage) -> list[bytes]:
+        if not message.is_keepalive:
+            messages.append(message)
+        return packets(message)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(piece_socket, "encode", noted)
+        tapper = Tapper()
+        assert tapper.run(TAP).result == "completed"
+    return tapper.machine, messages
 
 
-def tapping() -> Machine:
-    tapper = Tapper()
-    assert tapper.run(TAP).result == "completed"
-    return tapper.machine
-
-
-RUNS: dict[str, tuple[Callable[[], Machine], str]] = {
+RUNS: dict[str, tuple[Callable[[], Sent], str]] = {
     "surfaces, two tables": (lambda: surfaces("trunnion"), "SurfaceCut"),
     "surfaces, table and head": (lambda: surfaces("table_head"), "SurfaceCut"),
     "surfaces, oblique": (lambda: surfaces("oblique45"), "SurfaceCut"),
@@ -115,34 +127,18 @@ RUNS: dict[str, tuple[Callable[[], Machine], str]] = {
     "surfaces, placed at two points": (lambda: placed_at_two_points("head_head"), "SurfaceCut"),
     "cone": (lambda: surfaces("trunnion", "example1_ready"), "SurfaceCut"),
     "blade": (a_blade, "SurfaceCut"),
-    "five-axis lines, rounded": (lambda: lines(ROUNDED), "ToolSpline"),
-    "five-axis lines, exact": (lambda: lines(ROUNDED.replace("G64 P0.02 Q0.1", "G61")), "ToolLine"),
-    "curve": (lambda: lines(CURVE), "JointMove"),
-    "curve, three axes": (lambda: lines(CURVE, "three_axes"), "JointMove"),
+    "five-axis lines, rounded": (lambda: sent(ROUNDED), "ToolSpline"),
+    "five-axis lines, exact": (lambda: sent(ROUNDED.replace("G64 P0.02 Q0.1", "G61")), "ToolLine"),
+    "curve": (lambda: sent(CURVE), "JointMove"),
+    "curve, three axes": (lambda: sent(CURVE, "three_axes"), "JointMove"),
     "thread": (tapping, "ThreadMove"),
 }
 
 
-Sent = tuple[Machine, list[PieceMessage]]
-
-
 @pytest.fixture(scope="module")
 def everything() -> dict[str, Sent]:
-    """The machine and every message that goes to its tick, of each run."""
-    found = dict[str, Sent]()
-    packets = piece_socket.encode
-    for name, (run, _) in RUNS.items():
-        messages: list[PieceMessage] = []
-
-        def noted(message: PieceMessage, messages: list[PieceMessage] = messages) -> list[bytes]:
-            if not message.is_keepalive:
-                messages.append(message)
-            return packets(message)
-
-        with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(piece_socket, "encode", noted)
-            found[name] = run(), messages
-    return found
+    """The machine and every message that goes to its tick, of each program."""
+    return {name: planned() for name, (planned, _) in RUNS.items()}
 
 
 @pytest.fixture(scope="module")
@@ -158,7 +154,7 @@ def without_numpy(everything: dict[str, Sent]) -> dict[str, Any]:
 def test_what_the_plan_sends_needs_no_numpy(
     everything: dict[str, Sent], without_numpy: dict[str, Any]
 ) -> None:
-    for name, (machine, sent) in everything.items():
-        kinds = {type(motion).__name__ for message in sent for motion in message.motions.values()}
+    for name, (machine, messages) in everything.items():
+        kinds = {type(motion).__name__ for message in messages for motion in message.motions.values()}
         assert RUNS[name][1] in kinds, (name, kinds)
-        assert without_numpy[name] == evaluated(machine, sent), name
+        assert without_numpy[name] == evaluated(machine, messages), name

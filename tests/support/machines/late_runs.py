@@ -15,11 +15,11 @@ from itertools import count
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial import cKDTree
 from support.machines.forked_machine import Forkable
 from support.oracles import latched_setpoints
 
+from controller.geometry.arrays import Array
 from controller.ipc.handoff import COLUMN, of_axes
 from controller.machine.compensation import reversal
 from controller.machine.kinematics import Kinematics
@@ -45,8 +45,6 @@ NEAR = 8  # places of the path
 THREAD_UM = 10.0  # axes and spindle, beyond the healthy error
 LEAST_MM = 0.1  # of a thread, that is judged
 TOLD = (Fault.STOCK_USED_UP, Fault.TOO_MANY_SKIPS)
-
-Array = npt.NDArray[np.float64]
 
 
 class Late(NamedTuple):

@@ -15,8 +15,9 @@ import numpy as np
 import numpy.typing as npt
 from support.parts.random_contours import Piece
 
+from controller.geometry.arrays import Array
+
 Points = npt.NDArray[np.complex128]
-Array = npt.NDArray[np.float64]
 NEAR_MM = 1e-6
 
 

@@ -9,13 +9,13 @@ from __future__ import annotations
 import itertools
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from support.machines import traced_programs
 from support.machines.planned_laws import chains, laws_of, sampled
 from support.machines.stepped_runs import SHIPPED, cut, largest, shipped
 from support.parts import cam_lines, cam_programs
 
+from controller.geometry.arrays import Array
 from controller.machine.kinematics import Kinematics, kinematics_of
 from controller.machine.model import Machine
 from controller.motion.motions import ToolLine, ToolSpline
@@ -29,8 +29,6 @@ from controller.program import blocks
 from controller.program.program import ProgramError
 from controller.runtime.events import Event
 from controller.state.modes import Request
-
-Array = npt.NDArray[np.float64]
 
 OVER = 1.0005  # of a limit
 HOW = ("great_circle", "joints")

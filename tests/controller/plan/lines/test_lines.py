@@ -6,11 +6,11 @@ import itertools
 import math
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from support.machines.shipped_kinds import ROTARIES
 from support.machines.traced_programs import HOME, assert_whole, mill, segments, trace
 
+from controller.geometry.arrays import Array
 from controller.geometry.vectors import angle_between, norm, subtract
 from controller.machine.kinematics import kinematics_of
 from controller.motion.motions import JointMove, ToolLine
@@ -20,8 +20,6 @@ from controller.plan.segment import ContinuousPath, Segment
 from controller.plan.surfaces.rates import derivatives
 from controller.program import blocks
 from controller.program.program import ProgramError
-
-Array = npt.NDArray[np.float64]
 
 MILL = mill()
 TWO_NAMES = {name: rows[0][0] + rows[1][0] for name, rows in ROTARIES.items()}

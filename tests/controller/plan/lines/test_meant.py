@@ -6,11 +6,11 @@ import itertools
 from collections.abc import Iterator
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from support.machines.traced_programs import HOME, assert_whole, mill, segments, sentences, trace
 from support.parts import cam_lines
 
+from controller.geometry.arrays import Array
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
 from controller.motion.motions import JointMove, ToolLine, ToolSpline
@@ -24,8 +24,6 @@ from controller.plan.segment import ContinuousPath, Path
 from controller.plan.track import Track
 from controller.program import blocks
 from controller.program.program import ProgramError
-
-Array = npt.NDArray[np.float64]
 
 MILL = mill()
 KINEMATICS = kinematics_of(MILL)

@@ -9,11 +9,11 @@ import tracemalloc
 from collections.abc import Iterator
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from support.machines.traced_programs import HOME, assert_whole, mill, segments, sentences, trace
 from support.parts import cam_lines
 
+from controller.geometry.arrays import Array
 from controller.geometry.vectors import Frame
 from controller.machine.kinematics import kinematics_of
 from controller.motion.motions import ROW, JointMove, ToolLine, ToolSpline
@@ -23,8 +23,6 @@ from controller.plan.rotaries.branch import joints_along
 from controller.plan.segment import ContinuousPath, Path, Segment, tip_rate
 from controller.plan.surfaces.rates import derivatives
 from controller.program import blocks
-
-Array = npt.NDArray[np.float64]
 
 MILL = mill()
 KINEMATICS = kinematics_of(MILL)
