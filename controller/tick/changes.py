@@ -9,8 +9,6 @@ from typing import Any
 class Changes:
     """Attributes of one kind of object, declared once."""
 
-    __slots__ = ("_names", "of")
-
     def __init__(self, *names: str) -> None:
         self._names = names
         self.of = attrgetter(*names)  # of an object: their values

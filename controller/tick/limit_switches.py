@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Final
 
 from controller.geometry.vectors import ROUNDING
 from controller.machine.kinematics.slides import Slides
@@ -18,7 +17,6 @@ from controller.state.modes import Fault, Mode
 from controller.tick.mode import Modes
 
 GIVE = 0.1  # mm or degrees
-_HOMING: Final = Mode.HOMING
 
 
 class LimitSwitches:
@@ -41,7 +39,7 @@ class LimitSwitches:
         ticks: int,
     ) -> None:
         """``inputs``: 1 = free; ``new``, ``last``: the joints of the last two ticks; ``actual``: mm, rad."""
-        homes, on_path, slides = modes.mode is _HOMING, modes.on_path, self._slides
+        homes, on_path, slides = modes.mode is Mode.HOMING, modes.on_path, self._slides
         if not slides.are_square:  # a switch is on a slide, which moves for the others, too
             new, last, actual = slides.sent(new), slides.sent(last), slides.sent(actual)
         for end in self._ends:

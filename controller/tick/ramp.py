@@ -64,8 +64,7 @@ class Ramp:
     def step(self, speed: float) -> None:
         """One tick on, towards ``speed`` (>= 0, per tick)."""
         if self._landing is not None:
-            now, later = self._landing
-            self._mix(self._stop(now), self._stop(later))
+            self._mix(*map(self._stop, self._landing))
             return
         a = self._towards(self.v, self.a, speed)
         v = _sum(self.v, a, speed)
