@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 from urllib.parse import quote
 
-from controller import own_files
+from controller import atomic_file, own_files
 from drives.texts import message
 
 BESIDE = ("-wal", "-shm")
@@ -221,6 +221,19 @@ def has_lost(sql: sqlite3.Connection, file: Path, known: Ahead = (0, b"")) -> bo
         return _is_bad_after(max(0, good), known, file)
     finally:
         sql.execute("ROLLBACK")
+
+
+def put_lost_aside(sql: sqlite3.Connection, file: Path, known: Ahead) -> Path | None:
+    """Where that is so: what was written ahead is copied, and what can be read of it is in the database; name
+    of the copy. Raises OSError, sqlite3.Error.
+    """
+    if not has_lost(sql, file, known):
+        return None
+    written = file.with_name(f"{file.name}-wal")
+    aside = own_files.aside(written)
+    atomic_file.write(aside, own_files.read_bytes(written, shared=True), mode=MODE)
+    sql.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+    return aside
 
 
 def _is_bad_after(good: int, known: Ahead, file: Path) -> bool:

@@ -19,6 +19,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
+import pwd
 import shutil
 import stat
 from collections.abc import Iterator
@@ -131,8 +132,10 @@ def opened(
     with folder(file.parent, within) as at:
         handle = os.open(file.name, flags | FLAGS, mode, dir_fd=at)
         try:
-            owner = None if shared else os.stat(within or file.parent).st_uid
-            see(os.fstat(handle), file, owner, alone=flags & os.O_ACCMODE != os.O_RDONLY)
+            owner, facts = None if shared else os.stat(within or file.parent).st_uid, os.fstat(handle)
+            # Whoever may write in a folder gives what he may not read a second name there, and root reads it.
+            lent = os.geteuid() == 0 and facts.st_uid != os.fstat(at).st_uid
+            see(facts, file, owner, alone=lent or flags & os.O_ACCMODE != os.O_RDONLY)
             if flags & os.O_CREAT:
                 give(handle, at)
             os.set_blocking(handle, True)
@@ -157,6 +160,25 @@ def see(facts: os.stat_result, file: Path, owner: int | None, alone: bool) -> No
         raise refusal(errno.EMLINK, message("own_file.second_name"), file)
     if owner is not None and facts.st_uid not in (0, os.geteuid(), owner):
         raise refusal(errno.EPERM, message("own_file.of_user", user=facts.st_uid), file)
+
+
+def may_read(user: int, file: Path, facts: os.stat_result) -> bool:
+    """Whether a user of the system could have read a file himself: his, or by the modes of file and folders.
+
+    What has no size is of the kernel (``/proc``): there modes are not all that counts.
+    """
+
+    def has(of: os.stat_result, bit: int) -> bool:
+        shift = 6 if of.st_uid == user else 3 if of.st_gid in groups else 0
+        return bool(of.st_mode >> shift & bit)
+
+    try:
+        entry = pwd.getpwuid(user)
+        groups = os.getgrouplist(entry.pw_name, entry.pw_gid)
+    except KeyError:  # of a container, say
+        groups = []
+    ways = all(has(one.stat(), os.X_OK) for one in file.resolve().parents)
+    return facts.st_uid == user or (facts.st_size > 0 and has(facts, os.R_OK) and ways)
 
 
 def read_bytes(file: Path, within: Path | None = None, shared: bool = False) -> bytes:

@@ -7,8 +7,7 @@ The sum is of the file's name, generation, time and values, so that a file that 
 none of it either. Lines of a file that grows have a sum of their own (``line``).
 
 A file of a version without seals is taken as it is until ``mark`` says that those of its name have one.
-What has to be known after a bad bit is in a database (``sealed_rows``); versions before had such files for
-it, with the generation before beside each (``before``).
+What has to be known after a bad bit is in a database (``sealed_rows``).
 """
 
 from __future__ import annotations
@@ -26,7 +25,6 @@ from controller.messages import Message, TextError, message
 
 SEAL, VALUE = "seal", "value"  # VALUE: of what is no JSON object
 SUM = "sum"  # of a line
-BEFORE = ".before"  # behind the name of a file: the generation before
 MARK = "sealed"  # in a folder: the names of its files that have seals, one a line
 _OF_A_SEAL = {"generation", "at_s", "sha256"}
 UNREADABLE = (OSError, ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError)
@@ -42,11 +40,11 @@ def write(file: Path, values: Any, within: Path | None = None) -> None:
     atomic_file.write(file, text(values, file.name), within)
 
 
-def text(values: Any, name: str, generation: int = 1) -> str:
+def text(values: Any, name: str) -> str:
     """What is written into a file of that name."""
     whole = json.loads(json.dumps(values))  # as it is read again
     at_s = time.time()
-    seal = {"generation": generation, "at_s": at_s, "sha256": _sum(name, generation, at_s, whole)}
+    seal = {"generation": 1, "at_s": at_s, "sha256": _sum(name, 1, at_s, whole)}
     return json.dumps({**_as_object(whole), SEAL: seal})
 
 
@@ -62,25 +60,13 @@ def read(
     Raises Damaged, FileNotFoundError or another OSError.
     """
     values, seal = _parted(file, name, within, shared, older)
-    if seal is None:
-        if is_marked(file):
-            raise Damaged(message("sealed.none"))
-        return values
-    earlier = None
-    with contextlib.suppress(*UNREADABLE):
-        earlier = _parted(before(file))[1]
-    if earlier is not None and earlier["generation"] > seal["generation"]:
-        raise Damaged(message("sealed.older"))
+    if seal is None and is_marked(file):
+        raise Damaged(message("sealed.none"))
     return values
 
 
-def before(file: Path) -> Path:
-    """The generation before, if there is one."""
-    return file.with_name(f"{file.name}{BEFORE}")
-
-
 def before_counts(file: Path, why: Exception | Message | str, aside: str, at_s: float) -> Message:
-    """What an alarm says where a file's generation before, of ``at_s``, counts now.
+    """What an alarm says where a copy of a file, of ``at_s``, counts now.
 
     ``aside``: the name that the damaged one has now; "" where it is gone.
     """
@@ -95,12 +81,6 @@ def begun_anew(file: Path, why: Exception | Message | str, aside: str) -> Messag
     return (
         message("file_damaged", file=file, why=why, aside=aside) if aside else message("file_gone", file=file)
     )
-
-
-def written_s(file: Path) -> float:
-    """When a sealed file was written (s since 1970). Raises as ``read``."""
-    seal = _parted(file)[1]
-    return float(seal["at_s"]) if seal is not None else file.lstat().st_mtime
 
 
 def line(values: Mapping[str, Any], number: int = 0) -> str:
@@ -146,7 +126,7 @@ def mark(folder: Path, names: Iterable[str]) -> None:
 
 def is_marked(file: Path) -> bool:
     """Whether there was such a file, with a seal."""
-    return file.name.removesuffix(BEFORE) in _marked(file.parent)
+    return file.name in _marked(file.parent)
 
 
 def is_sealed(file: Path, within: Path | None = None, shared: bool = False) -> bool:
@@ -170,7 +150,7 @@ def _parted(
     file: Path, name: str = "", within: Path | None = None, shared: bool = False, older: str = ""
 ) -> tuple[Any, dict[str, Any] | None]:
     """Values and seal, which fits them; None: it has none. Raises as ``read``."""
-    name = name or file.name.removesuffix(BEFORE)
+    name = name or file.name
     try:
         data = own_files.read_text(file, within, shared)
         whole = json.loads(data)

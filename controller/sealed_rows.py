@@ -15,6 +15,9 @@ import hashlib
 import sqlite3
 from collections import Counter
 from collections.abc import Iterable
+from pathlib import Path
+
+from controller import atomic_file, own_database, own_files
 
 TABLE = "sums"
 LENGTH = 16  # digits of a sum
@@ -121,6 +124,23 @@ def index_anew(sql: sqlite3.Connection) -> None:
         raise sqlite3.DatabaseError(str(error)) from error
 
 
+def mend(sql: sqlite3.Connection, file: Path) -> tuple[list[Row], str, Path] | None:
+    """Takes out what is not as it was written, in the caller's transaction: which rows, in words, and where a
+    copy of the whole lies; None: all is well. Raises sqlite3.Error, OSError.
+    """
+    words = broken(sql)
+    rows = [] if words else damaged(sql)
+    if not words and not rows:
+        return None
+    aside = own_files.aside(file)
+    atomic_file.write(aside, sql.serialize(), mode=own_database.MODE)
+    if words:
+        index_anew(sql)
+        rows = damaged(sql)
+    take_out(sql, rows)
+    return rows, summary(rows, words), aside
+
+
 def take_out(sql: sqlite3.Connection, rows: Iterable[Row]) -> None:
     """Deletes damaged rows, in the caller's transaction. Raises sqlite3.Error."""
     known = _tables(sql)
@@ -144,12 +164,24 @@ def accept(sql: sqlite3.Connection) -> None:
     _sum_new(sql)
 
 
+def sound(sql: sqlite3.Connection, name: str) -> str:
+    """The condition that a row of a SELECT from this table is as it was written. Raises sqlite3.Error."""
+    sql.create_function("row_sum", -1, _sum, deterministic=True)
+    written = f"SELECT CAST(sum AS BLOB) FROM {TABLE} WHERE name = '{name}' AND row = main.{name}.rowid"
+    return f"{_row_sum(sql, name)} IS ({written})"
+
+
 def _summed(sql: sqlite3.Connection, name: str) -> str:
     """A SELECT of a table's name, and of its rows' numbers and sums."""
+    return f"SELECT '{name}', rowid, {_row_sum(sql, name)} FROM main.{name}"
+
+
+def _row_sum(sql: sqlite3.Connection, name: str) -> str:
+    """The sum of a row of a table, as an expression."""
     names = [row[1] for row in sql.execute(f"PRAGMA main.table_info({name})")]
     # Text as its bytes: what is damaged may be no UTF-8.
     columns = [f"CASE typeof({one}) WHEN 'text' THEN CAST({one} AS BLOB) ELSE {one} END" for one in names]
-    return f"SELECT '{name}', rowid, row_sum('{name}', rowid, {', '.join(columns)}) FROM main.{name}"
+    return f"row_sum('{name}', rowid, {', '.join(columns)})"
 
 
 def _schemas(sql: sqlite3.Connection) -> dict[str, bytes]:

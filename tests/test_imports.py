@@ -17,10 +17,10 @@ FOR_ALL = {"version", "journald", "own_files", "own_database", "sealed_rows", "n
 VALUES = {"faults", "geometry", "machine", "motion", "state", "messages"}
 ARROWS: dict[str, set[str]] = {
     "own_files": set(),  # no link of others is followed
-    "own_database": set(),  # nor in the place of a SQLite file
+    "own_database": {"atomic_file"},  # nor in the place of a SQLite file
     "journald": set(),  # what is logged, in systemd's journal
     "npz": set(),  # arrays of a file that may be damaged
-    "sealed_rows": set(),  # rows of one with a checksum
+    "sealed_rows": {"atomic_file"},  # rows of one with a checksum
     "atomic_file": set(),  # files replaced whole
     "sealed_file": {"atomic_file", "messages"},  # with a checksum, and the one before
     "commands": set(),  # what can be asked of the machine: one table, for all
@@ -98,13 +98,13 @@ ROOMS: dict[str, dict[str, set[str]]] = {
     "controller/plan": {
         "banded": set(),  # linear systems
         "junctions": set(),  # where rates jump
-        "stretch": set(),  # what a path is made of
-        "rotaries": {"stretch"},
-        "surfaces": {"stretch", "rotaries"},
-        "lines": {"stretch", "rotaries", "surfaces", "banded", "junctions"},
-        "path": {"stretch", "rotaries", "surfaces", "lines"},
-        "restart": {"stretch", "rotaries", "surfaces", "path"},
-        "feed": {"stretch", "rotaries", "surfaces", "banded", "junctions"},
+        "segment": set(),  # what a path is made of
+        "rotaries": {"segment"},
+        "surfaces": {"segment", "rotaries"},
+        "lines": {"segment", "rotaries", "surfaces", "banded", "junctions"},
+        "path": {"segment", "rotaries", "surfaces", "lines"},
+        "restart": {"segment", "rotaries", "surfaces", "path"},
+        "feed": {"segment", "rotaries", "surfaces", "banded", "junctions"},
         "stops": {"feed", "junctions"},
     },
     "drives": {

@@ -230,7 +230,7 @@ def machines_after_paths() -> list[int]:
     for number in range(3):
         made = stepped_runs.shipped("trunnion")
         other = setup_data.applied(made, {"offsets": {"G55": [float(number), 0.0, 0.0]}})
-        assert interrupted_runs.stretches(text, other)
+        assert interrupted_runs.segments(text, other)
         del made, other
         give_back()
         counts.append(sum(type(one) is Machine for one in gc.get_objects()))

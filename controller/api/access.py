@@ -27,9 +27,8 @@ from starlette.requests import HTTPConnection
 from controller.api.answers import Refusal
 from controller.api.quotas import Owner
 from controller.api.roles import Principal, Role
-from controller.api.service_client import asker
 from controller.commands.table import REPEATED
-from controller.ipc.asker import Asker
+from controller.ipc.asker import Asker, asker
 from controller.messages import Key
 
 if TYPE_CHECKING:

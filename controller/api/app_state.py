@@ -8,17 +8,18 @@ import logging
 from collections.abc import AsyncIterator, Awaitable, Callable
 from pathlib import Path
 
+from controller.api.answers import Refusal
 from controller.api.bring_up import BringUp
 from controller.api.checker import LONGEST_MEASUREMENT_S, MEASURE_WORKER, Checker, Drafts, Errand
 from controller.api.database import StoreError
 from controller.api.events import Events
 from controller.api.go_on import GoOn
 from controller.api.notices import Notices
+from controller.api.past import Past
 from controller.api.quotas import MAX_UPLOADS, Quota
 from controller.api.roles import Control
 from controller.api.run_verdicts import RunVerdicts
 from controller.api.service_client import ServiceClient, Watch
-from controller.api.service_sync import Gatherer
 from controller.api.store import Sizes, Store
 from controller.api.ticks import Latest
 from controller.api.users import REFRESH_S, Users
@@ -27,17 +28,26 @@ from controller.state.record_files import RECORDINGS, RUNS
 _log = logging.getLogger(__name__)
 AGAIN_S = 1.0  # until a work that failed is begun anew
 MAX_NOTES = 1000  # lines of the audit log that wait for the disk
-POLL_S = 1.0  # between two looks at what the service wrote, and at programs that came by other ways
+POLL_S = 1.0  # between two looks at programs that came by other ways, and at what was lost
 
 
 class Panel:
     """Store, users, control token, and the way to the machine."""
 
     def __init__(
-        self, store: Store, door: ServiceClient, checker: Checker | None = None, anybody_stops: bool = False
+        self,
+        store: Store,
+        door: ServiceClient,
+        checker: Checker | None = None,
+        anybody_stops: bool = False,
+        by_tls: bool = False,
     ) -> None:
-        """``checker``: None where programs are not checked here. Raises StoreError."""
+        """``checker``: None where programs are not checked here; ``by_tls``: it does TLS itself, no proxy.
+
+        Raises StoreError.
+        """
         self.anybody_stops = anybody_stops  # also who may only look: hold, stop and e-stop
+        self.by_tls = by_tls
         self.store, self.checker = store, checker
         self.door = self.watch = Watch(door)
         self.uploading = Quota("upload_many_of_one", MAX_UPLOADS)
@@ -45,15 +55,15 @@ class Panel:
         self.saving = asyncio.Lock()  # a back-up
         self.measuring = Errand(MEASURE_WORKER, LONGEST_MEASUREMENT_S)
         self.bring_up = BringUp()
-        self.gatherer = Gatherer(store.database, store.folder)
-        self.verdicts = RunVerdicts(store)
+        self.past = Past(store.folder, self.watch)
+        self.verdicts = RunVerdicts(store, self.past)
         self.latest = Latest(door)  # ticks for scopes
         self.users = Users(store.users)
         self.sizes = Sizes(store.folder)
         self.control = Control()
-        self.events = Events(self.watch, store)
-        self.notices = Notices(store, self.watch)
-        self.go_on = GoOn(store, self.door, self.control, self.note)
+        self.events = Events(self.watch, self.past)
+        self.notices = Notices(store, self.watch, self.past)
+        self.go_on = GoOn(store, self.past, self.door, self.control, self.note)
         self.audited: dict[
             tuple[str, str, bool], float
         ] = {}  # (user, action, allowed) -> when, monotonic (s)
@@ -96,16 +106,20 @@ class Panel:
 
     async def _look(self) -> None:
         while True:
-            await asyncio.to_thread(self._look_once)
+            if self.checker is not None:
+                await asyncio.to_thread(self.checker.look)
+            with contextlib.suppress(Refusal):  # a service that is away is told later
+                await self._report_losses()
             await asyncio.sleep(POLL_S)
+
+    async def _report_losses(self) -> None:
+        if losses := await asyncio.to_thread(lambda: self.store.losses):
+            for what in losses:
+                await self.door.ask("panel_damaged", **what)
+            await asyncio.to_thread(self.store.losses_reported)
 
     def _tell_check(self, program: str) -> None:
         self.events.tell("programs", {"name": program, "done": "checked"})
-
-    def _look_once(self) -> None:
-        self.gatherer.gather()
-        if self.checker is not None:
-            self.checker.look()
 
     async def _refresh_users(self) -> None:
         while True:

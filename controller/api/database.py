@@ -144,7 +144,24 @@ _SUMMED = "PRAGMA user_version = 5"
 # Copies of what the service keeps in its own files, which nothing has read.
 _NO_COPIES = "DROP TABLE IF EXISTS offsets;\nDROP TABLE IF EXISTS tools"
 
-MIGRATIONS: tuple[str, ...] = (_FIRST, _LOG_INS, _QUEUE, _MARKED, _SUMMED, _NO_COPIES)
+# Runs and alarms are the service's, which takes them over from the copy that is put beside; how a run was cut
+# is judged here.
+_NO_HISTORY = """
+CREATE TABLE verdicts (
+    key TEXT PRIMARY KEY,               -- name of a run's record
+    value TEXT NOT NULL,                -- JSON
+    changed_s REAL NOT NULL,
+    changed_by TEXT NOT NULL
+) STRICT;
+INSERT INTO verdicts
+SELECT source, json_extract(facts, '$.as_cut'), began_s, 'verdicts' FROM runs
+WHERE source IS NOT NULL AND json_type(facts, '$.as_cut') = 'object';
+DROP TABLE runs;
+DROP TABLE alarms;
+DELETE FROM marks WHERE key = 'notices.told'
+"""
+
+MIGRATIONS: tuple[str, ...] = (_FIRST, _LOG_INS, _QUEUE, _MARKED, _SUMMED, _NO_COPIES, _NO_HISTORY)
 
 
 MARKED = 4  # the schema from which on a log-in marker is there
@@ -185,7 +202,7 @@ class Database:
             ahead = own_database.ahead(self.file)
             self._sql = own_database.opened(self.file)
             self._sql.row_factory = sqlite3.Row
-            self.lost = self._put_aside() if own_database.has_lost(self._sql, self.file, ahead) else None
+            self.lost = own_database.put_lost_aside(self._sql, self.file, ahead)
             self._sql.execute("PRAGMA foreign_keys = ON")
             sealed_rows.seal(self._sql, anew=_migrate(self))
         except (OSError, sqlite3.Error) as error:
@@ -195,33 +212,16 @@ class Database:
         with self._lock:
             self._sql.close()
 
-    def _put_aside(self) -> Path:
-        """Copies what was written ahead and cannot be read; what could be is in the database."""
-        ahead = self.file.with_name(f"{self.file.name}-wal")
-        aside = own_files.aside(ahead)
-        atomic_file.write(aside, own_files.read_bytes(ahead, shared=True))
-        self._sql.execute("PRAGMA wal_checkpoint(TRUNCATE)")
-        return aside
-
     def take_out_damaged(self) -> tuple[str, Path] | None:
         """Takes rows out that are not as they were written, and makes indexes anew that do not fit: what was
         found, and where a copy of the whole lies. Raises StoreError.
         """
         with self.write() as sql:
-            words = sealed_rows.broken(sql)
-            rows = [] if words else sealed_rows.damaged(sql)
-            if not words and not rows:
-                return None
             try:
-                aside = own_files.aside(self.file)
-                atomic_file.write(aside, sql.serialize())
+                found = sealed_rows.mend(sql, self.file)
             except OSError as error:
                 raise StoreError.of("space", "store_unwritten", file=self.file, why=error) from error
-            if words:
-                sealed_rows.index_anew(sql)
-                rows = sealed_rows.damaged(sql)
-            sealed_rows.take_out(sql, rows)
-        return sealed_rows.summary(rows, words), aside
+        return found and found[1:]
 
     def copy(self) -> bytes:
         """The file of a database with all that is in this one."""

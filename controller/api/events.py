@@ -29,9 +29,9 @@ from typing import Any
 
 from controller import messages
 from controller.api.answers import Refusal
+from controller.api.past import Past
 from controller.api.roles import Principal, Role
 from controller.api.service_client import Watch
-from controller.api.store import Store
 
 INTERVAL_S = 0.05
 REST_S = 0.2  # from one status to the next of a machine at rest, of which nobody has asked anything
@@ -91,8 +91,8 @@ class Listener:
 class Events:
     """Watches the machine while anybody listens."""
 
-    def __init__(self, watch: Watch, store: Store) -> None:
-        self._watch, self._store = watch, store
+    def __init__(self, watch: Watch, past: Past) -> None:
+        self._watch, self._past = watch, past
         self._listeners: list[Listener] = []
         self._wanted = asyncio.Event()
         self._told: dict[str, Any] = {}  # by topic: what was told last of what is told on change
@@ -176,8 +176,9 @@ class Events:
         return bool(status.get("at_rest")) and status.get("mode") in RESTS and not under_way
 
     async def _look_at_alarms(self) -> None:
-        newest = await asyncio.to_thread(self._store.alarms.list, 1)
-        self._changed("alarms", {"newest": newest[0].id if newest else None})
+        newest = await self._past.ask_if_there(lambda past: past.alarms(1))
+        if newest is not None:
+            self._changed("alarms", {"newest": newest[0].id if newest else None})
 
     def _changed(self, topic: str, data: Any) -> None:
         if topic not in self._told or self._told[topic] != data:

@@ -16,12 +16,13 @@ from controller.api import service_client
 from controller.api.answers import Refusal
 from controller.api.database import StoreError
 from controller.api.notices import in_words
+from controller.api.past import Past
 from controller.api.program_queue import Ended, Entry
 from controller.api.roles import Control, Role
-from controller.api.service_client import ServiceClient, asker
+from controller.api.service_client import ServiceClient
 from controller.api.store import Store
 from controller.commands import table
-from controller.ipc.asker import Asker
+from controller.ipc.asker import Asker, asker
 from controller.messages import Message, from_facts, message
 
 POLL_S = 0.5
@@ -34,8 +35,8 @@ Note = Callable[[str, str, str, str], None]
 class GoOn:
     """``choose`` it, ``end`` it; ``run`` looks for ever."""
 
-    def __init__(self, store: Store, door: ServiceClient, control: Control, note: Note) -> None:
-        self._store, self._door, self._control, self._note = store, door, control, note
+    def __init__(self, store: Store, past: Past, door: ServiceClient, control: Control, note: Note) -> None:
+        self._store, self._past, self._door, self._control, self._note = store, past, door, control, note
         self._since_s: float | None = None  # of the hold of control for which it was chosen; None: it is off
         self.why: Message | None = None  # it ended
 
@@ -68,9 +69,12 @@ class GoOn:
             await asyncio.sleep(POLL_S)
 
     async def look(self) -> None:
-        """Count what has ended, and go on where that is chosen. Raises StoreError."""
-        for ended in await asyncio.to_thread(self._store.queue.count_runs):
-            await self._after(ended)
+        """Count what has ended, and go on where that is chosen; without a queue nothing is asked. Raises
+        StoreError.
+        """
+        if await asyncio.to_thread(self._store.queue.all):
+            for ended in await self._past.ask_if_there(self._store.queue.count_runs) or ():
+                await self._after(ended)
 
     async def _after(self, ended: Ended) -> None:
         if not self._may():

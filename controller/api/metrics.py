@@ -13,6 +13,7 @@ import shutil
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 from fastapi import APIRouter, Request, Response
@@ -24,9 +25,8 @@ from controller import messages
 from controller.api.access import needs, panel_of
 from controller.api.answers import VARY, Refusal, documented, spoken
 from controller.api.app_state import Panel
-from controller.api.database import StoreError
 from controller.api.roles import Role
-from controller.api.store import Sizes, Store
+from controller.api.store import Sizes
 from controller.state.modes import SHOWN_MODES
 
 router = APIRouter(tags=["metrics"])
@@ -81,20 +81,21 @@ async def metrics(request: Request) -> Response:
     with suppress(Refusal):
         status = await panel.watch.status()
         facts = await panel.door.ask("facts")
-    kept = await asyncio.to_thread(_store_metrics, panel.store, panel.sizes)
+    kept = await asyncio.to_thread(_disk_metrics, panel.store.folder, panel.sizes)
+    sums = await panel.past.ask_if_there(lambda past: (past.sums_of_runs(), past.sums_of_alarms()))
+    if sums is not None:
+        kept.runs, kept.alarms, kept.readable = *sums, True
     registry = CollectorRegistry(auto_describe=False)
     registry.register(_Figures(status, facts, kept, panel, request.app.version))
     headers = {"Vary": VARY, "Content-Language": spoken.get()}
     return Response(generate_latest(registry), media_type=KIND, headers=headers)
 
 
-def _store_metrics(store: Store, sizes: Sizes) -> Kept:
+def _disk_metrics(state: Path, sizes: Sizes) -> Kept:
     kept = Kept()
     with suppress(OSError):
-        found = shutil.disk_usage(store.folder)
+        found = shutil.disk_usage(state)
         kept.disk, kept.parts = (found.total, found.free), sizes.known()
-    with suppress(StoreError):
-        kept.runs, kept.alarms, kept.readable = store.runs.sums(), store.alarms.sums(), True
     return kept
 
 

@@ -412,7 +412,9 @@ class ProgramFacts(Told):
     uploaded_by: str
     check: CheckFacts | None = None
     last_run: dict[str, Any] | None = None
-    completed: int = Field(0, description="Runs under that name that came to their end: parts made.")
+    completed: int | None = Field(
+        None, description="Runs under that name that came to their end: parts made; null: not known now."
+    )
 
 
 class Draft(Sent):

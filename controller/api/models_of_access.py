@@ -7,11 +7,11 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from controller.api.models import Number, Sent, Told
-from controller.api.passwords import LONGEST, SHORTEST
+from controller.api.passwords import MAX_LENGTH, MIN_LENGTH
 from controller.api.roles import RoleName
 
 UserName = Annotated[str, Field(pattern=r"^[A-Za-z0-9_.@-]{1,40}$")]
-Password = Annotated[str, Field(min_length=SHORTEST, max_length=LONGEST)]
+Password = Annotated[str, Field(min_length=MIN_LENGTH, max_length=MAX_LENGTH)]
 
 
 # ---- sent
@@ -27,11 +27,11 @@ class LogIn(Sent):
 
 
 class Confirm(Sent):
-    password: Annotated[str, Field(max_length=LONGEST)]
+    password: Annotated[str, Field(max_length=MAX_LENGTH)]
 
 
 class OwnPassword(Sent):
-    old: Annotated[str, Field(max_length=LONGEST)]
+    old: Annotated[str, Field(max_length=MAX_LENGTH)]
     password: Password
 
 

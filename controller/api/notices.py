@@ -29,16 +29,17 @@ from controller.api import notice_settings
 from controller.api.answers import Refusal
 from controller.api.database import StoreError
 from controller.api.notice_settings import NoticeSettings
+from controller.api.past import Past
 from controller.api.service_client import Watch
-from controller.api.store import Alarm, Run, Store
+from controller.api.store import Store
 from controller.messages import Key, Message, from_facts, message, plain, reason
+from controller.store.history import TYPED, Alarm, History, Run
 
 POLL_S = 1.0
 TRIES = 3
 PAUSES_S = (5.0, 30.0)  # between them
 MAX_WAITING = 100
 MAX_NEW = 20  # alarms, or runs, of one look; the rest is in the lists
-TYPED = "MDI"  # a line typed by hand is no program
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,8 +54,8 @@ class Outcome:
 class Notices:
     """``run`` looks for ever what is new, ``send`` puts a notice on every way that is set."""
 
-    def __init__(self, store: Store, watch: Watch) -> None:
-        self._store, self._watch = store, watch
+    def __init__(self, store: Store, watch: Watch, past: Past) -> None:
+        self._store, self._watch, self._past = store, watch, past
         self._asked: Any = None  # the tool change that was told
         self._testing = False
         self.ways = {name: Way(name, self.settings) for name in SENDERS}
@@ -79,17 +80,17 @@ class Notices:
     async def look(self) -> None:
         """Send what is new; nothing is asked of the machine where nobody wants to know. Raises StoreError."""
         settings = await asyncio.to_thread(self.settings)
-        for notice in await asyncio.to_thread(self._new_notices, settings):
+        if not settings.is_enabled:
+            await asyncio.to_thread(notice_settings.mark_sent, self._store.marks, None)
+            return
+        for notice in await self._past.ask_if_there(lambda past: self._new_notices(settings, past)) or ():
             self.send(notice)
-        if settings.is_enabled and settings.tool_change:
+        if settings.tool_change:
             await self._look_at_tool()
 
-    def _new_notices(self, settings: NoticeSettings) -> list[Notice]:
+    def _new_notices(self, settings: NoticeSettings, past: History) -> list[Notice]:
         """Notices of alarms and runs that came since the last look, also while this process did not run."""
-        if not settings.is_enabled:
-            notice_settings.mark_sent(self._store.marks, None)
-            return []
-        alarms, runs = self._store.alarms.list(MAX_NEW), self._store.runs.list(MAX_NEW)
+        alarms, runs = past.alarms(MAX_NEW), past.runs(MAX_NEW)
         newest = (alarms[0].id if alarms else 0, runs[0].id if runs else 0)
         known = notice_settings.mark_sent(self._store.marks, newest) or newest
         told = [of_alarm(one) for one in alarms[::-1] if settings.alarms and one.id > known[0]]
@@ -189,7 +190,7 @@ def of_alarm(alarm: Alarm) -> Notice:
 def of_run(run: Run) -> Notice:
     words = message("notice.end", program=run.program, result=in_words(run.result))
     facts = {"program": run.program, "result": run.result, "run": run.id}
-    return Notice("program_end", run.ended_s or run.began_s, words, facts)
+    return Notice("program_end", run.ended_s, words, facts)
 
 
 def in_words(result: str) -> str:

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from controller.api.database import Database, StoreError
 from controller.api.records import Clock
 from controller.messages import Key
+from controller.store.history import History
 
 MAX_ENTRIES = 100  # entries
 COUNTED = "queue.run"  # the mark: the newest run that was looked at
@@ -55,13 +56,15 @@ class Queue:
         return next((one for one in self.all() if one.done < one.count), None)
 
     def add(self, program: str, count: int, by: str) -> Entry:
-        """At the end. Raises StoreError: missing, many."""
+        """At the end; runs of before there was any entry do not count. Raises StoreError: missing, many."""
         with self._database.write() as sql:
             if not sql.execute("SELECT 1 FROM programs WHERE name = ?", (program,)).fetchone():
                 raise StoreError.of("missing", "missing", what=Key("what.program"), name=program)
             length, last = sql.execute("SELECT COUNT(*), COALESCE(MAX(place), 0) FROM queue").fetchone()
             if length >= MAX_ENTRIES:
                 raise StoreError.of("many", "queue_full", most=MAX_ENTRIES)
+            if not length:
+                sql.execute("DELETE FROM marks WHERE key = ?", (COUNTED,))
             done = sql.execute(
                 "INSERT INTO queue (place, program, count, done, added_s, added_by) "
                 "VALUES (?, ?, ?, 0, ?, ?)",
@@ -89,19 +92,17 @@ class Queue:
             if not sql.execute("DELETE FROM queue WHERE id = ?", (number,)).rowcount:
                 raise _missing(number)
 
-    def count_runs(self) -> list[Ended]:
+    def count_runs(self, past: History) -> list[Ended]:
         """Take into account the runs that ended since the last look; they, in their order."""
-        newest = self._database.rows("SELECT COALESCE(MAX(id), 0) FROM runs")[0][0]
+        newest = next((run.id for run in past.runs(1)), 0)
         if self._mark() == newest:
             return []
         with self._database.write() as sql:
             mark = self._mark()  # again: now nobody else counts
-            known = newest if mark is None else mark  # what was before the first look ever is not counted
-            asked = "SELECT id, program, result FROM runs WHERE id > ? AND result != 'running' ORDER BY id"
-            ended = sql.execute(asked, (known,)).fetchall()
-            last = ended[-1]["id"] if ended else known
-            sql.execute("REPLACE INTO marks VALUES (?, ?, ?, 'queue')", (COUNTED, str(last), self._clock()))
-            return [_count(sql, row["program"], row["result"]) for row in ended]
+            sql.execute("REPLACE INTO marks VALUES (?, ?, ?, 'queue')", (COUNTED, str(newest), self._clock()))
+            # What was before the first look ever is not counted.
+            ended = past.runs_since(newest if mark is None else mark)
+            return [_count(sql, run.program, run.result) for run in ended]
 
     def _mark(self) -> int | None:
         rows = self._database.rows("SELECT value FROM marks WHERE key = ?", (COUNTED,))

@@ -15,43 +15,12 @@ from typing import Any
 
 from controller.api import log_in_marker
 from controller.api.database import Database, StoreError
-from controller.messages import Key, Message, message, plain
+from controller.messages import Key, Message, message
 
 Facts = Mapping[str, Any]
 Clock = Callable[[], float]
 
 ROLES = ("view", "operate", "set_up")  # each may do what those before it may
-
-
-@dataclass(frozen=True, slots=True)
-class Run:
-    """One start of a program and what became of it."""
-
-    id: int
-    program: str
-    sha256: str
-    began_s: float
-    ended_s: float | None
-    # 'completed', 'stopped', 'refused', 'fault', 'interrupted' = the service was ended during it, 'lost' =
-    # killed; 'running' = no end is known
-    result: str
-    facts: Facts  # duration_s, cut_time_s, following_error {axis, value}, recording, fault, by, ...
-
-
-@dataclass(frozen=True, slots=True)
-class Alarm:
-    """A fault as it was told."""
-
-    id: int
-    at_s: float
-    name: str  # of the row in the fault table
-    axis: str  # "" = of none
-    key: str | None  # of what is said, with its values; None: it was kept as a sentence, before keys were
-    values: Facts | None
-    sentence: str
-    facts: Facts  # cause, remedy, recovery, position_trusted, recording, ...
-    acknowledged_s: float | None
-    acknowledged_by: str | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,123 +55,8 @@ class Entry:
 
 
 @dataclass(slots=True)
-class Runs:
-    """History of runs. Raises StoreError."""
-
-    _database: Database
-    _clock: Clock = time.time
-
-    def begin(self, program: str, sha256: str, **facts: Any) -> int:
-        """A run begins; its number."""
-        with self._database.write() as sql:
-            done = sql.execute(
-                "INSERT INTO runs (program, sha256, began_s, result, facts) VALUES (?, ?, ?, 'running', ?)",
-                (program, sha256, self._clock(), _json(facts)),
-            )
-        return done.lastrowid or 0
-
-    def end(self, run: int, result: str, **facts: Any) -> None:
-        """A run ends; ``facts`` add to those of its beginning."""
-        with self._database.write() as sql:
-            _add_facts(sql, run, facts)
-            sql.execute("UPDATE runs SET result = ?, ended_s = ? WHERE id = ?", (result, self._clock(), run))
-
-    def add_facts(self, run: int, **facts: Any) -> None:
-        """What becomes known of a run after its end."""
-        with self._database.write() as sql:
-            _add_facts(sql, run, facts)
-
-    def list(self, most: int = 100, before: int | None = None) -> list[Run]:
-        """The latest first; ``before`` a number, for the next page."""
-        rows = self._database.rows(
-            "SELECT * FROM runs WHERE id < ? ORDER BY id DESC LIMIT ?", (_before(before), most)
-        )
-        return [_run(row) for row in rows]
-
-    def sums(self) -> dict[str, tuple[int, float, float]]:
-        """By result: how many runs, seconds in motion, seconds of cutting."""
-        rows = self._database.rows(
-            "SELECT result, COUNT(*), TOTAL(json_extract(facts, '$.duration_s')), "
-            "TOTAL(json_extract(facts, '$.cut_time_s')) FROM runs GROUP BY result"
-        )
-        return {row[0]: (row[1], row[2], row[3]) for row in rows}
-
-    def get(self, run: int) -> Run | None:
-        return next((_run(r) for r in self._database.rows("SELECT * FROM runs WHERE id = ?", (run,))), None)
-
-    def completed_of(self, program: str) -> int:
-        """How often that name ran to its end."""
-        asked = "SELECT COUNT(*) FROM runs WHERE program = ? AND result = 'completed'"
-        return int(self._database.rows(asked, (program,))[0][0])
-
-    def last_of(self, program: str) -> Run | None:
-        """The latest run under that name."""
-        rows = self._database.rows(
-            "SELECT * FROM runs WHERE program = ? ORDER BY id DESC LIMIT 1", (program,)
-        )
-        return next((_run(r) for r in rows), None)
-
-
-def _add_facts(sql: sqlite3.Connection, run: int, facts: Facts) -> None:
-    """Adds to those that the run has. Raises StoreError where it is gone."""
-    row = sql.execute("SELECT facts FROM runs WHERE id = ?", (run,)).fetchone()
-    if row is None:
-        raise StoreError.of("missing", "missing", what=Key("what.run"), name=run)
-    sql.execute("UPDATE runs SET facts = ? WHERE id = ?", (_json({**json.loads(row["facts"]), **facts}), run))
-
-
-@dataclass(slots=True)
-class Alarms:
-    """History of alarms. Raises StoreError."""
-
-    _database: Database
-    _clock: Clock = time.time
-
-    def add(self, name: str, said: Message | str, axis: str = "", **facts: Any) -> int:
-        """An alarm is raised; its number."""
-        with self._database.write() as sql:
-            done = sql.execute(
-                "INSERT INTO alarms (at_s, name, axis, sentence, facts) VALUES (?, ?, ?, ?, ?)",
-                (self._clock(), name, axis, "", _json({**facts, **plain(said)})),
-            )
-        return done.lastrowid or 0
-
-    def acknowledge(self, alarm: int, by: str) -> Alarm:
-        """The first acknowledgement counts."""
-        with self._database.write() as sql:
-            sql.execute(
-                "UPDATE alarms SET acknowledged_s = ?, acknowledged_by = ? "
-                "WHERE id = ? AND acknowledged_s IS NULL",
-                (self._clock(), by, alarm),
-            )
-        if (found := self.get(alarm)) is None:
-            raise StoreError.of("missing", "missing", what=Key("what.alarm"), name=alarm)
-        return found
-
-    def list(self, most: int = 100, before: int | None = None, open_only: bool = False) -> list[Alarm]:
-        """The latest first; ``open_only``: not yet acknowledged."""
-        rows = self._database.rows(
-            "SELECT * FROM alarms WHERE id < ? AND (NOT ? OR acknowledged_s IS NULL) "
-            "ORDER BY id DESC LIMIT ?",
-            (_before(before), open_only, most),
-        )
-        return [_alarm(row) for row in rows]
-
-    def sums(self) -> dict[str, tuple[int, int]]:
-        """By name: how many were told, and how many of them nobody has acknowledged."""
-        rows = self._database.rows(
-            "SELECT name, COUNT(*), SUM(acknowledged_s IS NULL) FROM alarms GROUP BY name ORDER BY name"
-        )
-        return {row[0]: (row[1], row[2]) for row in rows}
-
-    def get(self, alarm: int) -> Alarm | None:
-        rows = self._database.rows("SELECT * FROM alarms WHERE id = ?", (alarm,))
-        return next((_alarm(r) for r in rows), None)
-
-
-@dataclass(slots=True)
 class Values:
-    """Named JSON values: settings, marks. Raises StoreError."""
+    """Named JSON values: settings, marks, verdicts. Raises StoreError."""
 
     _database: Database
     _table: str
@@ -213,7 +67,8 @@ class Values:
         return {row[0]: json.loads(row[1]) for row in rows}
 
     def get(self, key: str, default: Any = None) -> Any:
-        return self.all().get(key, default)
+        rows = self._database.rows(f"SELECT value FROM {self._table} WHERE key = ?", (key,))
+        return json.loads(rows[0][0]) if rows else default
 
     def set(self, key: str, value: Any, by: str) -> None:
         with self._database.write() as sql:
@@ -393,16 +248,3 @@ def _json(value: Any) -> str:
 def _role(role: str) -> None:
     if role not in ROLES:
         raise StoreError("form", message("store.role", role=role, names=", ".join(ROLES)))
-
-
-def _run(row: sqlite3.Row) -> Run:
-    values = dict(row)
-    del values["source"]
-    return Run(**{**values, "facts": json.loads(values["facts"])})
-
-
-def _alarm(row: sqlite3.Row) -> Alarm:
-    columns, facts = dict(row), json.loads(row["facts"])
-    del columns["source"]
-    said = {name: facts.pop(name, None) for name in ("key", "values")}
-    return Alarm(**{**columns, **said, "facts": facts})

@@ -12,7 +12,7 @@ from html import escape
 from typing import Any
 
 from controller import messages
-from controller.api.records import Alarm, Run
+from controller.store.history import Alarm, Run
 
 AS_CUT = "as_cut"  # of a run's facts, see ``run_verdicts``
 OF_RUN = ("duration_s", "planned_s", "cut_time_s", "ticks", "skips", "line")
@@ -142,5 +142,5 @@ def _figure(value: Any) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
-def _moment(at_s: float | None) -> str:
-    return "–" if at_s is None else time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(at_s))
+def _moment(at_s: float) -> str:
+    return time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(at_s))

@@ -13,7 +13,6 @@ import asyncio
 import math
 import time
 from collections.abc import Mapping
-from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
@@ -25,10 +24,9 @@ from controller.api.answers import Refusal
 from controller.api.store import Store
 from controller.commands.command import Access, Lane
 from controller.commands.table import ALL, COMMANDS
-from controller.ipc.asker import Asker
+from controller.ipc.asker import asker
 from controller.ipc.control_socket import Client, CommandRefused
 
-asker: ContextVar[Asker | None] = ContextVar("asker", default=None)  # for whom the service is asked
 FRESH_S = 0.025  # half of the interval of the events
 QUICK_S = 5.0
 SLOW_S = 600.0  # a whole program may have to be read

@@ -3,7 +3,7 @@
     store = Store(state_folder)
     store.programs.list()              names, sizes, contents; files by sha256
     store.uploads.begin("part.ngc")    the only way in: see ``uploads``
-    store.checks / runs / alarms / settings / marks / queue / users / audit
+    store.checks / verdicts / settings / marks / queue / users / audit
 
     STATE/panel/store.sqlite                 facts
     STATE/panel/programs/<sha256>.ngc        contents; written once, never changed
@@ -26,39 +26,13 @@ from controller.api import own_folder
 from controller.api.database import Database, StoreError
 from controller.api.program_queue import Queue
 from controller.api.programs import FOLDER, Checks, Program, ProgramCheck, Programs
-from controller.api.records import (
-    ROLES,
-    Alarm,
-    Alarms,
-    Audit,
-    Clock,
-    Entry,
-    Run,
-    Runs,
-    Token,
-    User,
-    Users,
-    Values,
-)
-from controller.api.uploads import Upload, UploadLimits, Uploads
+from controller.api.records import Audit, Clock, User, Users, Values
+from controller.api.uploads import UploadLimits, Uploads
 from controller.messages import Message, message
 
-DAMAGED = "STORE_DAMAGED"  # an alarm
+LOSSES = "losses"  # a mark
 
-__all__ = [
-    "ROLES",
-    "Alarm",
-    "Entry",
-    "Program",
-    "ProgramCheck",
-    "Run",
-    "Store",
-    "StoreError",
-    "Token",
-    "Upload",
-    "UploadLimits",
-    "User",
-]
+__all__ = ["Program", "ProgramCheck", "Store", "StoreError", "UploadLimits", "User"]
 
 
 class Store:
@@ -72,8 +46,7 @@ class Store:
         self.programs = Programs(database, self.own / FOLDER, clock)
         self.uploads = Uploads(self.programs, limits or UploadLimits())
         self.checks = Checks(database, clock)
-        self.runs = Runs(database, clock)
-        self.alarms = Alarms(database, clock)
+        self.verdicts = Values(database, "verdicts", clock)  # on runs, by their records
         self.settings = Values(database, "settings", clock)
         self.marks = Values(database, "marks", clock)  # of this store alone
         self.queue = Queue(database, clock)
@@ -84,11 +57,18 @@ class Store:
             self.report(message("store_lost", file=database.file, aside=aside.name))
 
     def report(self, what: Message) -> None:
-        """An alarm that something was lost, once. Raises StoreError."""
-        if not any(
-            one.name == DAMAGED and one.key == what["key"] for one in self.alarms.list(open_only=True)
-        ):
-            self.alarms.add(DAMAGED, what)
+        """Something was lost: the panel has the service raise an alarm. Raises StoreError."""
+        if what not in (losses := self.losses):
+            self.marks.set(LOSSES, [*losses, what], "store")
+
+    @property
+    def losses(self) -> list[Message]:
+        """Of which the service has raised no alarm yet."""
+        found: list[Message] = self.marks.get(LOSSES, [])
+        return found
+
+    def losses_reported(self) -> None:
+        self.marks.remove(LOSSES)
 
     def sweep(self) -> int:
         """Take away what a process that died has left half done; how many files. Rows that are damaged are

@@ -108,13 +108,17 @@ def _changed(site: Site, action: str, request: Message, read: Callable[[], Level
 
 @contextlib.contextmanager
 def _drives_off(site: Site) -> Iterator[None]:
-    """Nothing moves of what is pressed, and nothing is a fault that would be one while they are on."""
+    """Nothing moves of what is pressed, and nothing is a fault that would be one while they are on.
+
+    They go on again only when the operator has said that nobody is at the machine. Raises NotDone.
+    """
     site.bench.power(False)
     clamps = (axis.clamp.open_s for axis in site.bench.machine.axes if axis.clamp is not None)
     site.bench.wait(max((LOOK_S, *clamps)))  # they close with it
     try:
         yield
     finally:
+        site.by_hand("stand_clear", message("bringup.hand.clear"))
         if site.bench.stopped_by() is None:
             site.bench.power(True)
         else:  # the supply's own input: a fault whether the drives are on or off

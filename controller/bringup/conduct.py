@@ -134,7 +134,7 @@ def _response(step: Step, site: Site) -> Outcome:
         made = excitation.excitation(shown, way, share, machine.period_s, axis.feedback_every)
         name = f"response_{step.of}_{100 * share:.0f}"
         ticks = site.bench.run(made.text, name).of_axis(index)
-        found = response.bode(ticks, made.highest_hz)
+        found = response.bode(ticks, made.highest_hz, abs(axis.shown_per_unit / axis.counts_per_unit))
         figures = response.figures(ticks, made, found, axis.following.in_position * abs(axis.shown_per_unit))
         answers.append((share, found))
         outcome.figures += _figures(shown, figures)
@@ -174,7 +174,11 @@ def _figures(shown: Shown, found: Figures) -> list[Message]:
         ),
     ]
     key = "bandwidth" if found.bandwidth_hz else "wide"
-    return [*rows, message(f"bringup.figure.{key}", value=found.bandwidth_hz, peak_db=found.peak_db)]
+    rows.append(message(f"bringup.figure.{key}", value=found.bandwidth_hz, peak_db=found.peak_db))
+    return [
+        *rows,
+        message("bringup.figure.seen", value=found.seen_hz, percent=100.0 * response.MAX_UNCERTAINTY),
+    ]
 
 
 # ---- circle

@@ -11,7 +11,7 @@ from controller import atomic_file
 from controller.bringup.protocol import BAD, REPORT, SKIPPED, Protocol
 from controller.bringup.steps import Step
 from controller.messages import Message, message
-from controller.verify import chart, html_page
+from controller.verify import html_page
 from controller.verify.console import in_words, say, spoken
 
 KEPT = ("verdict", "at_s", "figures", "findings", "proposals", "measured")  # of a step, in its row
@@ -102,12 +102,12 @@ def _step(protocol: Protocol, step: Step) -> Iterator[str]:
 
 def picture(one: Mapping[str, Any]) -> str:
     """A chart of ``charts`` as SVG, its title above."""
-    drawn = [chart.Line(_name(line["name"]), line["x"], line["y"]) for line in one["series"]]
+    drawn = [html_page.Line(_name(line["name"]), line["x"], line["y"]) for line in one["series"]]
     title, words = in_words(one["title"]), (in_words(one["x"]), in_words(one["y"]))
     svg = (
-        chart.circle(title, words, drawn)
+        html_page.circle(title, words, drawn)
         if one["shape"] == "circle"
-        else chart.lines(title, words, drawn, log_x=one["shape"] == "log")
+        else html_page.lines(title, words, drawn, log_x=one["shape"] == "log")
     )
     return f"<h3>{escape(title)}</h3>\n{svg}"
 

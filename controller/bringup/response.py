@@ -2,16 +2,22 @@
 
 The frequency response is that of the position which the drive reports to the setpoint that it was sent, by
 cross spectra of the velocities (the differences from tick to tick): H = S_uy / S_uu, summed over bands of
-neighbouring frequencies (Bendat and Piersol, Random Data, chapter 6), with the coherence
-|S_uy|^2 / (S_uu S_yy). A run begins and ends at rest, so the whole of it is one period of its transform, and
-no window is needed. Within a band the phase turns by the delay of the answer: that is taken out before the
-sum, and put back behind it.
+neighbouring frequencies (Bendat and Piersol, Random Data, chapter 6). A run begins and ends at rest, so the
+whole of it is one period of its transform, and no window is needed. Within a band the phase turns by the
+delay of the answer: that is taken out before the sum, and put back behind it.
+
+What of Y is not H U is noise, where H goes straight through its value in the middle of a band. Of K bins its
+power is what is left of S_yy by K - 2, or what rounding to counts leaves in differences of N positions, where
+that is more: N count^2 / 12 |1 - exp(-jwT)|^2. The root of that power by S_uu is the deviation of H. A band
+of which five of them are more than 5 % of H is left out: the diagram of a coarse encoder ends where its
+counts begin to be what is seen.
 
 What is late by the bus alone is no matter of the drive: ``latency`` ticks are counted (``live_state``).
 """
 
 from __future__ import annotations
 
+import cmath
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -25,8 +31,8 @@ from controller.geometry.arrays import Array
 
 BANDS_PER_OCTAVE = 8
 MIN_BINS = 4  # of the transform in a band
-MIN_COHERENCE = 0.95
-MIN_POWER_SHARE = 1e-13  # of the strongest band: below it, rounding to counts is what moves the axis
+DEVIATIONS = 5.0  # that an answer may be off: counts are no noise that the strokes know nothing of
+MAX_UNCERTAINTY = 0.05  # of an answer's size
 STEADY_SHARE = 0.02  # of the speed by which that of a ramp may differ from tick to tick
 HALF_POWER = math.sqrt(0.5)  # -3 dB
 
@@ -73,7 +79,7 @@ class Bode(NamedTuple):
     frequency_hz: Array
     magnitude: Array
     phase_deg: Array  # unwrapped
-    coherence: Array
+    uncertainty: Array  # share of the answer by which it may be off
 
     def at(self, frequency_hz: float) -> float:
         """Magnitude, straight between its places."""
@@ -96,10 +102,11 @@ class Figures:
     bandwidth_hz: float  # -3 dB; 0: beyond what was seen
     peak_db: float
     peak_hz: float
+    seen_hz: float  # highest frequency of the Bode diagram
 
 
-def bode(ticks: AxisTicks, highest_hz: float) -> Bode:
-    """Frequency response of an axis over all of its ticks; bands without coherence are left out."""
+def bode(ticks: AxisTicks, highest_hz: float, count: float) -> Bode:
+    """Frequency response of an axis over all of its ticks; a drive's ``count`` in mm or degrees."""
     u, y = (np.diff(one, prepend=one[:1]) for one in (ticks.setpoint, ticks.actual))
     n = 1 << math.ceil(math.log2(len(u)))
     frequency = np.asarray(np.fft.rfftfreq(n, ticks.period_s), dtype=np.float64)
@@ -107,19 +114,23 @@ def bode(ticks: AxisTicks, highest_hz: float) -> Bode:
     lag_s = _lag(ticks)
     turned = Y * np.exp(2j * np.pi * frequency * lag_s)
     rows = []
-    strongest = float((np.abs(U) ** 2).max())
     for low, high in _bands(frequency):
         here = slice(low, high)
-        suu, syy = float((np.abs(U[here]) ** 2).sum()), float((np.abs(Y[here]) ** 2).sum())
-        suy = complex((U[here].conj() * turned[here]).sum())
-        if suu <= MIN_POWER_SHARE * strongest * (high - low) or syy <= 0.0:
+        power = np.abs(U[here]) ** 2
+        suu, syy = float(power.sum()), float((np.abs(Y[here]) ** 2).sum())
+        cross = U[here].conj() * turned[here]
+        suy = complex(cross.sum())
+        middle = float((frequency[here] * power).sum() / suu) if suy else 0.0
+        aside = frequency[here] - middle
+        bent = float(abs((aside * cross).sum()) ** 2 / (aside**2 * power).sum()) if suy else 0.0
+        if not 0.5 * LOWEST_HZ <= middle <= highest_hz:
             continue
-        middle = float((frequency[here] * np.abs(U[here]) ** 2).sum() / suu)
-        coherence = abs(suy) ** 2 / (suu * syy)
-        if coherence >= MIN_COHERENCE and 0.5 * LOWEST_HZ <= middle <= highest_hz:
-            answer = suy / suu
-            phase = math.atan2(answer.imag, answer.real)
-            rows.append((middle, abs(answer), phase, coherence, middle * lag_s))
+        step = abs(1.0 - cmath.exp(-2j * math.pi * middle * ticks.period_s))
+        rounding = len(u) / 12.0 * (count * step) ** 2
+        noise = max(rounding, (syy - abs(suy) ** 2 / suu - bent) / (high - low - 2))
+        uncertainty = DEVIATIONS * math.sqrt(noise * suu) / abs(suy)
+        if uncertainty <= MAX_UNCERTAINTY:
+            rows.append((middle, abs(suy) / suu, cmath.phase(suy), uncertainty, middle * lag_s))
     table = np.array(rows).reshape(-1, 5).T
     phase_deg = np.degrees(np.unwrap(table[2])) - 360.0 * table[4]
     return Bode(table[0], table[1], phase_deg, table[3])
@@ -137,9 +148,9 @@ def _bands(frequency: Array) -> list[tuple[int, int]]:
     bands, low = [], 1
     while low < len(frequency):
         high = max(low + MIN_BINS, math.ceil(low * 2.0 ** (1.0 / BANDS_PER_OCTAVE)))
-        bands.append((low, min(high, len(frequency))))
+        bands.append((low, high))
         low = high
-    return bands
+    return bands[:-1]
 
 
 def figures(ticks: AxisTicks, made: Excitation, found: Bode, within: float) -> Figures:
@@ -162,6 +173,7 @@ def figures(ticks: AxisTicks, made: Excitation, found: Bode, within: float) -> F
         bandwidth_hz=_bandwidth(found),
         peak_db=20.0 * math.log10(max(1e-12, float(found.magnitude[peak]))) if peak >= 0 else 0.0,
         peak_hz=float(found.frequency_hz[peak]) if peak >= 0 else 0.0,
+        seen_hz=float(found.frequency_hz[-1]) if peak >= 0 else 0.0,
     )
 
 
@@ -178,7 +190,7 @@ def _steady_lag(ramps: Sequence[AxisTicks]) -> float:
 
 
 def _standing_for(steady: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """The second half of each stretch that is steady: by then the answer is, too."""
+    """The second half of each segment that is steady: by then the answer is, too."""
     found = np.zeros_like(steady)
     edges = np.flatnonzero(np.diff(np.concatenate(([False], steady, [False])).astype(int)))
     for begin, end in zip(edges[::2], edges[1::2], strict=True):

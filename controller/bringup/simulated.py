@@ -15,7 +15,7 @@ from controller.geometry.vectors import add
 from controller.ipc.handoff import of_axes
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import TOOL_AT_POWER_ON, Machine
-from controller.messages import Message, message, of_error
+from controller.messages import Message, message, of_error, several
 from controller.program import modal
 from controller.program.program import ProgramError
 from controller.runtime import checked, simulation, touch_table
@@ -23,6 +23,7 @@ from controller.runtime.startup import SessionError
 from controller.runtime.stepped import SteppedMachine
 from controller.state.fault_table import FAULTS, fault_message
 from controller.state.modes import Fault, Mode, Request
+from controller.state.queue_refusals import refusal_message
 
 LONGEST_S = 10.0  # that a change of mode may take
 ESTOP, STO = "estop", "sto"  # what is pressed, released; an axis after a dot
@@ -87,8 +88,10 @@ class SimulatedBench:
         except SessionError as error:
             raise NotDone(of_error(error)) from error
         if run.result != "completed":
-            why = self._why() or message("bringup.ended", result=run.result, line=run.line)
-            raise NotDone(why)
+            ended = message("bringup.ended", result=run.result, line=run.line)
+            if run.result == "stuck":
+                ended = several(message("ended.stuck", line=run.line), refusal_message(run.refusal))
+            raise NotDone(self._why() or ended)
         return self._ticks(run.rows)
 
     def _ticks(self, rows: Array) -> Ticks:
@@ -128,7 +131,7 @@ class SimulatedBench:
             self.stepped.rig.drives[of].axis.set_sto(pressed, self.stepped.rig.now_s)
         elif what.startswith(ESTOP):
             self._turn_input(ESTOP)
-        else:
+        elif what != "stand_clear":
             return False
         if pressed:
             self._until(lambda: self._is(Mode.FAULT))

@@ -215,7 +215,7 @@ def _needed(strips: Sequence[Strip]) -> tuple[float, float]:
     return tightest, max((one.size()[1] for one in strips), default=0.0)
 
 
-# ---- the words of a program ----------------------------------------------------------------
+# ---- the words of a program: G51, G52 or G6.2, absolute, mm, every number with a point --------
 
 
 MAX_COMMENT = 100

@@ -436,7 +436,7 @@ class _Direction:
         return total > 0.0
 
     def _cone(self, lower: Nurbs, upper: Nurbs) -> Cone | None:
-        """The words of G51 where the face is a whole stretch of a cylinder or cone about Z."""
+        """The words of G51 where the face is a whole segment of a cylinder or cone about Z."""
         turned = self.face.turned()
         if turned is None or not self.along_u or not self.outline.is_box:
             return None

@@ -99,8 +99,11 @@ class AtPage:
         self._write({"number": self._number, "question": None})
 
     def _gives_up(self) -> bool:
+        """Raises NotDone where he leaves the step, or the panel is gone."""
         while select.select([sys.stdin], [], [], 0.0)[0]:
-            if self._heard(sys.stdin.readline()) is not self:
+            if (answer := self._heard(sys.stdin.readline())) is None:
+                raise NotDone(message("bringup.left"))
+            if answer is not self:
                 return True
         return False
 

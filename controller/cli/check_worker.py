@@ -28,7 +28,7 @@ from controller.machine import setup_data
 from controller.machine.toml_table import ConfigError
 from controller.messages import message, of_error
 from controller.plan.report.picture import Picture
-from controller.plan.stretch import Stretch
+from controller.plan.segment import Segment
 from controller.program import blocks, linked, refusals
 from controller.program.program import Block, ProgramError
 from controller.runtime import checked, children, refused_path
@@ -45,7 +45,7 @@ NICE = 5
 MAX_CUTS = 1000  # surfaces, holes and notes that are told one by one
 
 Result = tuple[str, dict[str, Any]]
-Seen = tuple[checked.Task, Mapping[int, Stretch]]
+Seen = tuple[checked.Task, Mapping[int, Segment]]
 
 
 def main() -> None:
@@ -57,8 +57,8 @@ def main() -> None:
     seen: list[Seen] = []
     state, result = check(job, lambda share: _say({"progress": share}), seen.append)
     _say({"state": state, "result": result, "more": bool(seen)})
-    for task, stretches in seen:
-        _say({"state": state, "result": {**result, "verified": verified(task, stretches)}})
+    for task, segments in seen:
+        _say({"state": state, "result": {**result, "verified": verified(task, segments)}})
 
 
 def _say(words: dict[str, Any]) -> None:
@@ -99,7 +99,7 @@ def check(
     with contextlib.suppress(OSError):  # a program runs without its picture
         picture.shape().save(pictures / f"{task.key}.npz")
     if kept.overcuts:
-        seen((task, watched.stretches))
+        seen((task, watched.segments))
     figures = found.to_dict()
     figures["waits_s"] = durations.of_state(state).sum_s(kept.events)  # as its runs have shown it
     figures["takes_s"] = found.duration_s + figures["waits_s"]
@@ -133,13 +133,13 @@ def _drawn(task: checked.Task, refused: Mapping[str, Any], folder: Path) -> dict
     return {}
 
 
-def verified(task: checked.Task, stretches: Mapping[int, Stretch]) -> dict[str, Any]:
+def verified(task: checked.Task, segments: Mapping[int, Segment]) -> dict[str, Any]:
     """The surfaces as cut, for the page."""
 
     def read() -> Iterator[Block]:
         return blocks.stream(task.text, task.machine, task.name, start=task.start)
 
-    return maps(stretches, read, task.machine, task.kinematics)
+    return maps(segments, read, task.machine, task.kinematics)
 
 
 if __name__ == "__main__":

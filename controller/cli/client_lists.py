@@ -94,8 +94,13 @@ def _lines(machine: Machine, pause: Callable[[float], None]) -> None:
 
 
 def _open_alarms(machine: Machine) -> list[dict[str, Any]]:
-    """Those that nobody has acknowledged."""
-    found: list[dict[str, Any]] = machine.get("alarms", only="open", most=MAX_OPEN)["alarms"]
+    """Those that nobody has acknowledged; of a service that is gone none are known."""
+    try:
+        found: list[dict[str, Any]] = machine.get("alarms", only="open", most=MAX_OPEN)["alarms"]
+    except Refused as refused:
+        if refused.facts.get("code") != "gone":
+            raise
+        return []
     return found
 
 

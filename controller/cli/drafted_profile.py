@@ -51,7 +51,8 @@ def profile(
         text = "\n".join(_lines(found, eds, os.path.relpath(eds, folder))) + "\n"
         # As who takes it reads it, so that no draft is refused later.
         read = drive_profiles.read(text, f"{name}.toml", folder, name, TextFile(eds.name, ""))
-        remarks = [*map(in_words, possible.of_profile(read, about, master)[1])]
+        verdict = possible.of_profile(read, about, master)
+        remarks = [*map(in_words, (*verdict.remarks, *verdict.undecided))]
         if output:
             atomic_file.write(output, text)
         if as_json:

@@ -24,7 +24,7 @@ from controller.ipc import control_socket
 from controller.machine import arrangement, drive_profiles, nodes
 from controller.machine.model import Machine
 from controller.messages import Message, is_message, message
-from controller.verify.console import Refused, in_words, refusals, say, show, tell
+from controller.verify.console import Refused, Undecided, in_words, refusals, say, show, tell
 from drives import commission as commissioning
 from drives.commissioning import identity, lss, possible, sheet, survey, twins
 from drives.commissioning.wanted import Settings
@@ -56,8 +56,8 @@ def check(
         period_s = _period_s(shortest_ms if period_ms is None else period_ms)
         master = MasterSettings(period_s=period_s)
         about = sheet.load(str(eds), 1, family.overrides)
-        problems, remarked = possible.of_profile(family, about, master, bit_rate)
-        found, remarks = [*map(in_words, problems)], [*map(in_words, remarked)]
+        verdict = possible.of_profile(family, about, master, bit_rate)
+        found, remarks, open_still = ([*map(in_words, part)] for part in verdict)
         facts = {"eds": str(eds), "profile": family.name, "period_s": period_s, "remarks": remarks}
         if not as_json:
             for remark in remarks:
@@ -66,6 +66,10 @@ def check(
             raise Refused(
                 "\n".join(f"{eds.name}: {sentence}." for sentence in found), **facts, problems=found
             )
+        if open_still:
+            heading = say("cli.drives.undecided", name=eds.name)
+            sentences = [f"{eds.name}: {sentence}." for sentence in open_still]
+            raise Undecided("\n".join((heading, *sentences)), **facts, problems=[], undecided=open_still)
         if as_json:
             print(json.dumps({"ok": True, **facts, "problems": []}))
         else:

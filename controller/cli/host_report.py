@@ -16,10 +16,9 @@ from controller.cli.host_lines import Line
 from controller.cli.host_measure import SHARES, Measured, Turn
 from controller.cli.host_view import Host
 from controller.runtime.wake_ups import BINS, Histogram
-from controller.verify import chart, html_page
-from controller.verify.chart import BOTTOM, HEIGHT, LEFT, RIGHT, TOP, WIDTH, Scale
+from controller.verify import html_page
 from controller.verify.console import say, spoken
-from controller.verify.html_page import table
+from controller.verify.html_page import BOTTOM, HEIGHT, LEFT, RIGHT, TOP, WIDTH, Scale, table
 from controller.version import VERSION
 
 PER_DECADE = 16  # classes of the histogram
@@ -67,9 +66,9 @@ def _histogram(names: Sequence[str], counts: Sequence[Histogram], limit_s: float
     for name, one in zip(names, counts, strict=True):
         classes = [(low, min(high, BEYOND_US), count) for low, high, count in one.classes(PER_DECADE)]
         ends = [(at, count) for low, high, count in classes for at in (low, high)]
-        drawn.append(chart.Line(name, [at for at, _ in ends], [count for _, count in ends]))
-    limit = chart.limit(x, 1e6 * limit_s, _say_picture("limit"))
-    return chart.on_scales(_say_picture("histogram"), (_say_picture("time"), ""), drawn, x, y, limit)
+        drawn.append(html_page.Line(name, [at for at, _ in ends], [count for _, count in ends]))
+    limit = html_page.limit(x, 1e6 * limit_s, _say_picture("limit"))
+    return html_page.on_scales(_say_picture("histogram"), (_say_picture("time"), ""), drawn, x, y, limit)
 
 
 def _course(turns: Sequence[Turn], limit_s: float) -> str:
@@ -78,9 +77,9 @@ def _course(turns: Sequence[Turn], limit_s: float) -> str:
     high = math.ceil(math.log10(max(*worst, 1e6 * limit_s, 10.0)))
     x = Scale(0.0, turns[-1].ended_s / 60.0, LEFT, WIDTH - RIGHT)
     y = Scale(1.0, 10.0**high, HEIGHT - BOTTOM, TOP, is_log=True)
-    drawn = [chart.Line(_say_picture("worst"), [one.ended_s / 60.0 for one in turns], worst)]
-    limit = chart.limit(y, 1e6 * limit_s, _say_picture("limit"))
-    return chart.on_scales(_say_picture("course"), (_say_picture("minutes"), ""), drawn, x, y, limit)
+    drawn = [html_page.Line(_say_picture("worst"), [one.ended_s / 60.0 for one in turns], worst)]
+    limit = html_page.limit(y, 1e6 * limit_s, _say_picture("limit"))
+    return html_page.on_scales(_say_picture("course"), (_say_picture("minutes"), ""), drawn, x, y, limit)
 
 
 def _say_picture(key: str) -> str:

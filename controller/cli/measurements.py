@@ -228,7 +228,7 @@ def _predicted(asked: Asked) -> dict[str, Any]:
     for _ in watched:
         pass
     own = maps.maps(
-        watched.stretches,
+        watched.segments,
         lambda: blocks.stream(task.text, task.machine, task.name, start=task.start),
         task.machine,
         task.kinematics,

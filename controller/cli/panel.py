@@ -63,7 +63,7 @@ def panel(
             say("cli.panel.serves", host=host, port=port, socket=socket, folder=store.folder), markup=False
         )
         connections.serve(
-            _app(store, socket, page, anybody_stops),
+            _app(store, socket, page, anybody_stops, tls_certificate is not None),
             host=host,
             port=port,
             log_level="warning",
@@ -86,7 +86,9 @@ def _may_leave(host: str, users: bool, certificate: bool, proxy: bool) -> None:
         raise Refused(say("cli.panel.no_tls", host=host))
 
 
-def _app(store: Store, socket: Path, page: bool = True, anybody_stops: bool = False) -> Any:
+def _app(
+    store: Store, socket: Path, page: bool = True, anybody_stops: bool = False, by_tls: bool = False
+) -> Any:
     from controller.api.app_state import Panel
     from controller.api.checker import Checker
     from controller.api.http import make_app
@@ -94,7 +96,7 @@ def _app(store: Store, socket: Path, page: bool = True, anybody_stops: bool = Fa
     from controller.web.server import add_page
 
     store.sweep()
-    made = Panel(store, SocketServiceClient(socket), Checker(store), anybody_stops)
+    made = Panel(store, SocketServiceClient(socket), Checker(store), anybody_stops, by_tls)
     app = make_app(made)
     if page:
         add_page(app)

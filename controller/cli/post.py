@@ -23,7 +23,7 @@ from controller.machine.model import Tool
 from controller.machine.toml_table import ConfigError
 from controller.motion.motions import SurfaceCut
 from controller.plan.report import survey
-from controller.plan.stretch import Chain, Pause
+from controller.plan.segment import PathItem
 from controller.post.chords import Form, poses
 from controller.post.text import Asked, post
 from controller.program import blocks, linked
@@ -110,14 +110,14 @@ class _Whole:
     """A program planned to its end."""
 
     watched: Watched
-    items: list[Chain | Pause]
+    items: list[PathItem]
     duration_s: float
 
 
 def _planned(task: checked.Task) -> _Whole:
     walk = checked.path_of(task, checked.chosen_for(task))
     watched = Watched(walk.items)
-    items: list[Chain | Pause] = []
+    items: list[PathItem] = []
 
     def collected() -> Any:
         for item in watched:
@@ -133,7 +133,7 @@ def _compared(
 ) -> tuple[list[Row], dict[Path, str]]:
     ours = _planned(task)
     fitted = passes.Fitted.of(blocks.stream(task.text, task.machine, task.name), task.machine)
-    surfaces = passes.nominals(ours.watched.stretches, fitted)
+    surfaces = passes.nominals(ours.watched.segments, fitted)
     ends = _ends(ours, fitted, task)
     rows = [_row(OURS, task, ours, surfaces, ends)]
     progress(0.3)
@@ -151,7 +151,7 @@ def _compared(
 def _ends(whole: _Whole, fitted: passes.Fitted, task: checked.Task) -> Ends:
     """Where the tip is at the first and the last pose of each cut, table frame."""
     found = {}
-    for number, one in whole.watched.stretches.items():
+    for number, one in whole.watched.segments.items():
         if isinstance(one.motion, SurfaceCut):
             length = fitted.at(one.place.order).length_mm
             tips = poses(np.array([one.start, one.end]), length, task.kinematics)[0]
@@ -167,7 +167,7 @@ def _offset(task: checked.Task) -> int:
 def _row(form: str, task: checked.Task, whole: _Whole, surfaces: list[Nominal], ends: Ends) -> Row:
     """What is read and planned by the controller's own reader and planner, against the same surfaces."""
     fitted = passes.Fitted.of(blocks.stream(task.text, task.machine, task.name), task.machine)
-    ways = passes.planned(whole.watched.stretches, surfaces, fitted, task.kinematics)
+    ways = passes.planned(whole.watched.segments, surfaces, fitted, task.kinematics)
     zones = [_inside(one, *ends[one.motion], ways) for one in surfaces]
     over = max((-z.overcut.mm for z in zones if z.overcut), default=0.0)
     under = max((z.undercut.mm for z in zones if z.undercut), default=0.0)

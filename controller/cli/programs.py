@@ -21,11 +21,10 @@ from controller.machine import machine_file
 from controller.machine.model import Joints, Machine
 from controller.machine.toml_table import ConfigError
 from controller.motion.motions import SurfaceCut
-from controller.plan.path.path import Stretch
 from controller.plan.report import stored
 from controller.plan.report.picture import Picture, Shape
 from controller.plan.report.survey import Survey
-from controller.plan.stretch import Note
+from controller.plan.segment import Note, Segment
 from controller.program import linked
 from controller.program import refusals as refusals_of_text
 from controller.program.program import ProgramError, refused_on_the_way
@@ -48,7 +47,7 @@ from controller.verify.console import (
     spoken,
     tell,
 )
-from controller.verify.rows import Rows
+from controller.verify.tables import Rows
 from controller.workers import Spread
 
 if TYPE_CHECKING:
@@ -146,9 +145,9 @@ def _stored_check(task: checked.Task, store: Path | None, as_json: bool) -> stor
     return kept
 
 
-def _length_mm(stretches: dict[int, Stretch]) -> float:
+def _length_mm(segments: dict[int, Segment]) -> float:
     """Length of the first tool that cuts: its tip is what the path error is about."""
-    lengths = (s.motion.length_mm for s in stretches.values() if isinstance(s.motion, SurfaceCut))
+    lengths = (s.motion.length_mm for s in segments.values() if isinstance(s.motion, SurfaceCut))
     return next(lengths, 0.0)
 
 
@@ -391,7 +390,7 @@ def simulate(
         bench = SteppedMachine(task.machine, recordings=recording.folder(), bench=touched)
         under = fault_runs.FaultRun(bench, script, faults_from)
         memory.collect_rarely()  # machine and path stay to the end
-        demands = Demands(task.read(), bench.planner.stretches, task.machine)
+        demands = Demands(task.read(), bench.planner.segments, task.machine)
         watch = bench.watch_contour(demands, acts=record is None)  # what a record has of it comes again
         joints = _up(bench, under, record)
         walk = walk if record is not None else checked.walk_from(task, walk, joints, unchecked)
@@ -399,7 +398,7 @@ def simulate(
         run, took_s = _run(bench, under, walk, task, requests, record, kept, as_json)
         figures = {
             **_figures(task, "refused" if bench.planner.error else run.result, run.fault, unchecked),
-            **_run_figures(run, outputs.write(run, bench, task), task, bench.planner.stretches, took_s),
+            **_run_figures(run, outputs.write(run, bench, task), task, bench.planner.segments, took_s),
             "contour_error": watch.to_dict(),
             "setpoints": (counts := _setpoint_counts(task.machine, before, bench.board.read())),
             **_notes(walk.notes, task.machine),
@@ -442,9 +441,9 @@ class _Outputs(NamedTuple):
 
         machine, planner = task.machine, bench.planner
         trace = traces.from_rows(
-            run.rows, machine, task.kinematics, planner.stretches, first_tick=run.first_tick
+            run.rows, machine, task.kinematics, planner.segments, first_tick=run.first_tick
         )
-        _write(trace, machine, planner.stretches, self.trace, self.plot)
+        _write(trace, machine, planner.segments, self.trace, self.plot)
         if self.touches is not None:
             from controller.runtime import touch_table
 
@@ -544,14 +543,14 @@ def _figures(task: checked.Task, result: str, fault: Fault, unchecked: bool) -> 
 
 
 def _run_figures(
-    run: Run, trace: Trace, task: checked.Task, stretches: dict[int, Stretch], took_s: float
+    run: Run, trace: Trace, task: checked.Task, segments: dict[int, Segment], took_s: float
 ) -> dict[str, Any]:
     """What came of a run on the stepped clock."""
     from controller.verify import trace as traces
 
     machine = task.machine
     return {
-        **traces.summary(trace, machine, task.kinematics, _length_mm(stretches)).to_dict(),
+        **traces.summary(trace, machine, task.kinematics, _length_mm(segments)).to_dict(),
         "binds": [bound.to_dict() for bound in tables.bound_in(run.rows, machine)],
         "skips": run.skips,
         "assumed_resumes": run.assumed_resumes,
@@ -583,7 +582,7 @@ def _share(seconds: float, kept: stored.Stored | None) -> float:
 
 
 def _write(
-    trace: Any, machine: Machine, stretches: dict[int, Stretch], trace_file: Path | None, plot: Path | None
+    trace: Any, machine: Machine, segments: dict[int, Segment], trace_file: Path | None, plot: Path | None
 ) -> None:
     if trace_file and trace_file.suffix == records.PARQUET:
         records.write(records.of_trace(trace), trace_file, spoken.get())
@@ -592,7 +591,7 @@ def _write(
     if plot:
         from controller.verify import pictures
 
-        pictures.cut_picture(trace, machine, stretches, plot)
+        pictures.cut_picture(trace, machine, segments, plot)
 
 
 # --- demo ----------------------------------------------------------------------
@@ -634,14 +633,14 @@ def _demo(part: str, out: Path, made: Machine, store: Path | None, unchecked: bo
     cut = demos.cut(made, file, store or stored.folder(), unchecked, as_json)
     task = checked.task(file.read_bytes(), file.name, made)
     kept = None if unchecked else _stored_check(task, store, as_json)
-    stretches = checked.stretches(checked.walk_of(task, kept, unchecked))
-    trace = traces.from_rows(cut.rows, made, task.kinematics, stretches)
-    _write(trace, made, stretches, trace_file, picture)
+    segments = checked.segments(checked.walk_of(task, kept, unchecked))
+    trace = traces.from_rows(cut.rows, made, task.kinematics, segments)
+    _write(trace, made, segments, trace_file, picture)
     stamps = cut.sync_stamps_s.items()
     figures = {
         **_figures(task, cut.result, cut.fault, unchecked),
         "program": str(file),
-        **traces.summary(trace, made, task.kinematics, _length_mm(stretches)).to_dict(),
+        **traces.summary(trace, made, task.kinematics, _length_mm(segments)).to_dict(),
         "binds": [bound.to_dict() for bound in tables.bound_in(cut.rows, made)],
         "planned_s": kept.duration_s if kept else None,
         "skips": cut.skips,
@@ -666,7 +665,7 @@ def _demo(part: str, out: Path, made: Machine, store: Path | None, unchecked: bo
 def paper(as_json: Json = False) -> None:
     """The paper's comparison, computed: off-line chords, its first-order step, and ours."""
     from controller.verify import paper as comparisons
-    from controller.verify import paper_table
+    from controller.verify import tables
 
     with _refusals(as_json):
         with bar(say("cli.bar.computing"), as_json) as progress:
@@ -674,4 +673,4 @@ def paper(as_json: Json = False) -> None:
         if as_json:
             print(json.dumps({"ok": True, **comparison.to_dict()}))
         else:
-            paper_table.render(comparison, show.console)
+            tables.paper(comparison, show.console)

@@ -106,8 +106,8 @@ class RecordedRun:
         rows, machine = run.rows, self.machine
         if positions is not None:
             rows = replay.as_driven(rows, positions, counts_per_unit(machine))
-        stretches, first = bench.planner.stretches, run.first_tick
-        return traces.from_rows(rows, machine, task.kinematics, stretches, first_tick=first)
+        segments, first = bench.planner.segments, run.first_tick
+        return traces.from_rows(rows, machine, task.kinematics, segments, first_tick=first)
 
     def judge(self, run: Run) -> dict[str, Any]:
         """How much of it came again. Raises Refused where it came out otherwise."""

@@ -8,7 +8,6 @@ from typing import Annotated, Any
 
 import typer
 
-from controller import messages
 from controller.cli import recorded_runs
 from controller.cli.recorded_runs import RecordedRun
 from controller.ipc import control_socket
@@ -22,7 +21,6 @@ from controller.verify.console import (
     refusals,
     say,
     show,
-    spoken,
     tell,
 )
 
@@ -70,7 +68,7 @@ def replay(
 
 
 def folder_of(run: str, state: Path | None) -> Path:
-    """Of a record. Raises Refused where there is none, and StoreError."""
+    """Of a record. Raises Refused where there is none."""
     if (given := Path(run)).is_dir():
         return given
     where = state or control_socket.state_folder()
@@ -82,16 +80,17 @@ def folder_of(run: str, state: Path | None) -> Path:
 
 def _of_number(number: int, state: Path) -> str:
     """Name of the record. Raises Refused."""
-    from controller.api import own_folder
-    from controller.api.database import StoreError
-    from controller.api.store import Store
+    import sqlite3
 
-    if not any((folder / own_folder.STORE).is_file() for folder in (state, own_folder.of(state))):
-        raise Refused(say("cli.replay.no_store", number=number, state=state))
+    from controller.store import history
+
     try:
-        found = Store(state).runs.get(number)
-    except StoreError as error:
-        raise Refused(messages.text(error.said, spoken.get())) from error
+        with history.reading(state) as past:
+            found = past.run(number)
+    except FileNotFoundError:
+        raise Refused(say("cli.replay.no_store", number=number, state=state)) from None
+    except (OSError, sqlite3.Error) as error:
+        raise Refused(say("store_unread", file=state, why=error)) from error
     name = str(found.facts.get("record", "")) if found is not None else ""
     if not name:
         raise Refused(say("cli.replay.no_number", number=number, state=state))

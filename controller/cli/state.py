@@ -138,22 +138,20 @@ def look(state: Path) -> Iterator[Found]:
     for name in owners.SEALED:
         yield from _held(state / name, state, _sealed)
     for name in older_files.DOCUMENTS:
-        for file in (state / name, sealed_file.before(state / name)):
-            yield from _held(file, state, _sealed)
-        if os.path.lexists(sealed_file.before(state / name)):
-            yield from _gone(state / name)
+        yield from _held(state / name, state, _sealed)
     yield from _held(state / older_files.ALARMS, state, _alarms)
     own = own_folder.of(state)
     yield from _held(own / log_in_marker.FILE, state, _log_in)
     yield from _held(own / own_folder.STORE, state, _rows)
     for name in (tool_store.OLDER, service_store.FILE, service_store.COPY):
         yield from _held(state / name, state, _rows)
-    if os.path.lexists(state / service_store.COPY) or sealed_file.is_marked(state / service_store.FILE):
-        yield from _gone(state / service_store.FILE)
+    was = os.path.lexists(state / service_store.COPY) or sealed_file.is_marked(state / service_store.FILE)
+    if was and not os.path.lexists(state / service_store.FILE):
+        yield Found(service_store.FILE, DAMAGED, message("sealed.gone"))
     folders = Folders.within(state)
-    for folder in (folders.arranged, folders.checks):
+    for folder, condition in ((folders.arranged, _record), (folders.checks, _sealed)):
         for name in own_files.names(folder, state):
-            yield from _held(folder / name, state, _record)
+            yield from _held(folder / name, state, condition)
     for name in own_files.names(own / FOLDER, state):
         if name.endswith(CONTENT):
             yield from _held(own / FOLDER / name, state, _program)
@@ -192,12 +190,6 @@ def _held(file: Path, state: Path, condition: Callable[[Path, Path], Condition])
         yield Found(name, DAMAGED, of_error(error))
     except sqlite3.Error as error:
         yield Found(name, DAMAGED, messages.plain(str(error)))
-
-
-def _gone(file: Path) -> Iterator[Found]:
-    """A file that was there, and is no more: something has taken it away."""
-    if not os.path.lexists(file):
-        yield Found(file.name, DAMAGED, message("sealed.gone"))
 
 
 # -- each raises one of the above for what is damaged

@@ -45,7 +45,7 @@ from controller.machine import machine_file, setup_data
 from controller.machine.toml_table import ConfigError
 from controller.service import older_files, owners, requests
 from controller.state.record_files import RECORDINGS, RUNS
-from controller.store import service_store
+from controller.store import history, service_store
 from controller.verify.console import Refused, refusals, say, show, spoken
 
 STATE_FILES = (*owners.SEALED, *older_files.DOCUMENTS, older_files.ALARMS)
@@ -186,14 +186,16 @@ def _service_facts(folder: Path) -> dict[str, Any]:
     """Of the service's store. Raises OSError, ValueError, sqlite3.Error."""
     with own_database.reading(folder / service_store.FILE) as sql:
         documents = sql.execute("SELECT name, generation, value FROM documents").fetchall()
-        alarms = sql.execute("SELECT facts FROM alarms ORDER BY id").fetchall()
+        past = history.History(sql)
+        runs, alarms = past.runs(LATEST_ROWS), past.alarms(LATEST_ROWS)
         asked = [
             {name: row[name] for name in row if name not in PEOPLE}
             for row in requests.listed(sql, LATEST_ROWS)
         ]
     return {
         "documents": {f"{name} {generation}": json.loads(value) for name, generation, value in documents},
-        "alarms": [json.loads(facts) for (facts,) in alarms],
+        "runs": [asdict(one) for one in runs],
+        "alarms": [asdict(one) for one in alarms],
         "requests": asked,
     }
 
@@ -202,8 +204,6 @@ def _stored(folder: Path) -> dict[str, Any]:
     """Raises StoreError."""
     with contextlib.closing(Store(folder)) as store:
         return {
-            "runs": [asdict(one) for one in store.runs.list(LATEST_ROWS)],
-            "alarms": [asdict(one) for one in store.alarms.list(LATEST_ROWS)],
             "programs": [asdict(one) for one in store.programs.list()],
             "settings": notice_settings.without_secrets(store.settings.all()),
         }

@@ -17,7 +17,7 @@ from controller.cli import speech, workers
 from controller.machine import machine_file
 from controller.machine.model import Machine, Tool
 from controller.plan.report.verdict import Verdict
-from controller.plan.stretch import Note, Stretch
+from controller.plan.segment import Note, Segment
 from controller.program import blocks, linked
 from controller.program.program import Block, Place
 from controller.runtime import checked, events
@@ -247,12 +247,12 @@ def _found(
     for _ in watched:
         pass
     fitted = passes.Fitted.of(_blocks(task), task.machine)
-    surfaces = passes.nominals(watched.stretches, fitted)
-    ways = _ways(task, recorded, commanded, watched.stretches, surfaces, fitted)
+    surfaces = passes.nominals(watched.segments, fitted)
+    ways = _ways(task, recorded, commanded, watched.segments, surfaces, fitted)
     judged = judge(surfaces, ways, lambda share: progress(0.1 + 0.7 * share), spread)
     last = lambda share: progress(0.8 + 0.2 * share)  # noqa: E731
     if recorded is None:
-        seen = findings_of(watched.stretches, fitted, task.machine, task.kinematics, last, spread)
+        seen = findings_of(watched.segments, fitted, task.machine, task.kinematics, last, spread)
     else:
         seen = _findings_of_trace(recorded, task, commanded, surfaces, ways, last, spread)
     left = [one.nominal.line for one in judged if recorded is not None and one.inside.uncut == 1.0]
@@ -301,13 +301,13 @@ def _ways(
     task: checked.Task,
     recorded: trace.Trace | None,
     commanded: bool,
-    stretches: Mapping[int, Stretch],
+    segments: Mapping[int, Segment],
     surfaces: Sequence[Nominal],
     fitted: passes.Fitted,
 ) -> Mapping[Tool, list[Pass]]:
     """Where each tool went: as planned, or as the drives did it."""
     if recorded is None:
-        return passes.planned(stretches, surfaces, fitted, task.kinematics)
+        return passes.planned(segments, surfaces, fitted, task.kinematics)
     axes = tuple(axis.name for axis in task.machine.axes)
     if recorded.axes != axes:
         ours, theirs = " ".join(axes), " ".join(recorded.axes)

@@ -71,10 +71,11 @@ class Text:
 
     def read(self, name: str, value: Any) -> str:
         """Raises ArgumentError."""
-        if not isinstance(value, str) or not self.shortest <= len(value) <= self.longest:
+        sound = isinstance(value, str) and not any("\ud800" <= one <= "\udfff" for one in value)
+        if not sound or not self.shortest <= len(value) <= self.longest:
             key = "not_text" if self.shortest else "not_short_text"
             raise ArgumentError(key, name=name, value=value, shortest=self.shortest, most=self.longest)
-        return value
+        return str(value)
 
 
 @dataclass(frozen=True, slots=True)

@@ -555,7 +555,15 @@ ALL: tuple[Command, ...] = (
         (Argument("id", Whole(0, MAX_WHOLE), default=None),),
         lane=Lane.LOOK,
     ),
-    look("runs"),
+    Command(
+        "panel_damaged",
+        Access.OPERATE,
+        (
+            Argument("key", Choice(("store_lost", "store_rows", "users_lost", "users_lost_some"))),
+            Argument("values", Named(4, 0.0, MAX_WHOLE, 1000), "Of the text of that key."),
+        ),
+        lane=Lane.LOOK,
+    ),
     Command(
         "keep_run",
         Access.OPERATE,

@@ -8,6 +8,7 @@ import socket
 import stat
 import struct
 from collections.abc import Mapping
+from contextvars import ContextVar
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -27,6 +28,10 @@ class Asker:
 
     def to_json(self) -> dict[str, str]:
         return asdict(self)
+
+
+asker: ContextVar[Asker | None] = ContextVar("asker", default=None)  # for whom something is asked, or done
+peer: ContextVar[int | None] = ContextVar("peer", default=None)  # the user at the socket; None: nobody else
 
 
 def of_socket(own: socket.socket) -> tuple[int, int]:

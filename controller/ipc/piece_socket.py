@@ -86,7 +86,7 @@ class PieceInbox:
         self._packets = packets
         self._parts: list[memoryview] = []
         self._tables: list[StopTable] = []
-        self.heard = False  # anything came in since the flag was last cleared
+        self._heard = False
         self.closed = False
 
     def take(self) -> PieceMessage | None:
@@ -103,11 +103,16 @@ class PieceInbox:
             if not packet:
                 self.closed = True  # the plan is gone
                 return None
-            self.heard = True
+            self._heard = True
             message = self._join(packet)
             if message is not None:
                 return message
         return None
+
+    def was_heard(self) -> bool:
+        """Whether anything has come in since this was asked last."""
+        heard, self._heard = self._heard, False
+        return heard
 
     def _join(self, packet: bytes) -> PieceMessage | None:
         _, part, parts, tables = _PART.unpack_from(packet)

@@ -184,13 +184,12 @@ def share(axis: Axis, axes: Sequence[Axis], straightness: Sequence[Straightness]
 
 def reserved(axes: Sequence[Axis], straightness: Sequence[Straightness] = ()) -> tuple[Axis, ...]:
     """The axes with the limits that their tables leave for the plan."""
-    return tuple(_reduced(axis, 1.0 - share(axis, axes, straightness)) for axis in axes)
-
-
-def _reduced(axis: Axis, part: float) -> Axis:
-    limits = axis.limits
-    left = Limits(limits.velocity * part, limits.acceleration * part, limits.jerk * part)
-    return axis if part == 1.0 else replace(axis, limits=left)
+    found = []
+    for axis in axes:
+        part, limits = 1.0 - share(axis, axes, straightness), axis.limits
+        left = Limits(limits.velocity * part, limits.acceleration * part, limits.jerk * part)
+        found.append(replace(axis, limits=left))
+    return tuple(found)
 
 
 class Crossing(NamedTuple):

@@ -35,6 +35,8 @@ class Form:
     """What the value of a key may be. ``here``: the ``Reading`` of its table; None for the reference."""
 
     always = False  # read also where the file has no such key
+    within: type | None = None  # whose fields are the keys of a table at the top level of a file ...
+    brackets = "[{}]"  # ... and how its head is written
 
     def allowed(self, here: Any) -> Words:
         """In words."""

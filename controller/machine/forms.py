@@ -219,6 +219,10 @@ class Sub(Form):
     top: bool = False  # of the top level: [spindle]
     always: bool = False  # a file without it has an empty one
 
+    @property
+    def within(self) -> type | None:
+        return self.of if self.top else None
+
     def allowed(self, here: Reading | None) -> Words:
         return message("file.may.table")
 
@@ -248,6 +252,11 @@ class Rows(Form):
 
     of: type
     beneath: bool = False  # they are called by the table above, too
+    brackets = "[[{}]]"
+
+    @property
+    def within(self) -> type | None:
+        return self.of
 
     def allowed(self, here: Reading | None) -> Words:
         return message("file.may.tables", key="...")

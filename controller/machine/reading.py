@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import MISSING, dataclass, field, fields
+from functools import cache
 from typing import Any
 
 from controller.machine.declaration import Key, keys_of, parts_of, spellings
@@ -252,7 +253,7 @@ class Reading:
             with suppress(Unread):
                 self[name]
         if foreign:
-            self.file.mistakes += self.table.foreign(self.names())
+            self.file.mistakes += self.table.foreign(self.names(), tables_with(self.of))
         for check in self._rules.checks:
             with self.file.collecting():
                 self._carry_out(check)
@@ -275,6 +276,16 @@ class Reading:
                 if error.place and error.place[-1] in key.spelled:
                     self.values.pop(name, None)
             raise
+
+
+@cache
+def tables_with(of: type) -> dict[str, str]:
+    """The keys of the tables in a table, and the heads of those that have them."""
+    found: dict[str, list[str]] = {}
+    for key in keys_of(of).values():
+        for name in spellings(key.form.within) if key.form.within else ():
+            found.setdefault(name, []).append(key.form.brackets.format(key.name))
+    return {name: ", ".join(heads) for name, heads in found.items()}
 
 
 def partial(of: type, values: Mapping[str, Any]) -> Any:

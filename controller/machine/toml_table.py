@@ -14,7 +14,7 @@ import math
 import re
 import tomllib
 from collections import Counter
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, NoReturn
@@ -56,6 +56,9 @@ class ConfigError(Exception):
 
 
 Place = tuple[str, ...]  # of a table in its file: names, those in an array with "#" and their number
+
+
+NOWHERE: Mapping[str, str] = {}
 
 
 class Table:
@@ -216,15 +219,22 @@ class Table:
         if foreign := self.foreign(self.known):
             raise ConfigError.of_all(foreign)
 
-    def foreign(self, known: Collection[str]) -> list[ConfigError]:
-        """The refusals of what is none of the keys ``known``, but for what was taken for one of them."""
+    def foreign(self, known: Collection[str], belongs: Mapping[str, str] = NOWHERE) -> list[ConfigError]:
+        """The refusals of what is none of the keys ``known``, but for what was taken for one of them.
+
+        ``belongs``: the tables within this one that have a key of that name.
+        """
         return [
-            self.unknown(key, known) for key in self._values if key not in known and key not in self._meant
+            self.unknown(key, known, belongs)
+            for key in self._values
+            if key not in known and key not in self._meant
         ]
 
-    def unknown(self, key: str, known: Collection[str]) -> ConfigError:
+    def unknown(self, key: str, known: Collection[str], belongs: Mapping[str, str] = NOWHERE) -> ConfigError:
         near = difflib.get_close_matches(key, sorted(known), n=1, cutoff=0.4)
         do = message("file.mean", near=near[0]) if near else message("file.remove")
+        if key in belongs:
+            do = message("file.belongs", tables=belongs[key])
         return self.refusal(key, "unknown_key", allowed=", ".join(sorted(known)), do=do)
 
 

@@ -104,7 +104,7 @@ class Sensing(NamedTuple):
 
 
 class Piece(NamedTuple):
-    """A stretch of one motion with its law; starts where the piece before it ends.
+    """A segment of one motion with its law; starts where the piece before it ends.
 
     The marks count at its end, where the law is at rest: ``stop`` always (M0),
     ``optional_stop`` if the operator wants optional stops (M1), ``block_end`` if he wants

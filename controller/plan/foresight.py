@@ -22,7 +22,7 @@ from controller.plan.planner import Ahead, orders_of
 from controller.plan.report.passing import OWN, place_of
 from controller.plan.report.planned import FULL, windows_along
 from controller.plan.restart.program_position import ENTRY_ID, lines_along, part_at
-from controller.plan.stretch import Chain, Pause, Wait
+from controller.plan.segment import PathItem, Wait
 from controller.plan.timetable import MAX_EVENTS, Event, Passed, Timetable, event_of
 from controller.plan.track import Track, Unit
 from controller.plan.waits import OPTIONAL
@@ -32,7 +32,7 @@ MAX_AHEAD = 3000  # units beyond those of the planner: they are kept until it co
 SAME_S = 1e-6
 
 
-def twice(items: Iterable[Chain | Pause]) -> tuple[Iterator[Chain | Pause], Iterator[Chain | Pause]]:
+def twice(items: Iterable[PathItem]) -> tuple[Iterator[PathItem], Iterator[PathItem]]:
     """A path that two walk along at their own pace; what refuses it stops both at the same place."""
     one, other = itertools.tee(_caught(items))
     return _raised(one), _raised(other)
@@ -44,7 +44,7 @@ class _Broken(NamedTuple):
     error: Exception
 
 
-def _caught(items: Iterable[Chain | Pause]) -> Iterator[Chain | Pause | _Broken]:
+def _caught(items: Iterable[PathItem]) -> Iterator[PathItem | _Broken]:
     """What breaks it must reach the planner, whoever has read it first: or the path would just end there."""
     try:
         yield from items
@@ -52,7 +52,7 @@ def _caught(items: Iterable[Chain | Pause]) -> Iterator[Chain | Pause | _Broken]
         yield _Broken(error)
 
 
-def _raised(items: Iterable[Chain | Pause | _Broken]) -> Iterator[Chain | Pause]:
+def _raised(items: Iterable[PathItem | _Broken]) -> Iterator[PathItem]:
     for item in items:
         if isinstance(item, _Broken):
             raise item.error
@@ -60,7 +60,7 @@ def _raised(items: Iterable[Chain | Pause | _Broken]) -> Iterator[Chain | Pause]
 
 
 def foreseen(
-    items: Iterable[Chain | Pause], machine: Machine, kinematics: Kinematics, orders: Orders = FULL
+    items: Iterable[PathItem], machine: Machine, kinematics: Kinematics, orders: Orders = FULL
 ) -> Timetable | None:
     """Of a path that nobody runs yet, up to ``FIRST`` windows of it; None where it is refused.
 
@@ -81,7 +81,7 @@ class Foresight:
     """Of one path; ``look`` whenever the planner has nothing to do."""
 
     def __init__(
-        self, track: Track, items: Iterable[Chain | Pause], machine: Machine, kinematics: Kinematics
+        self, track: Track, items: Iterable[PathItem], machine: Machine, kinematics: Kinematics
     ) -> None:
         """``track``: the planner's; ``items``: the same path once more (``twice``)."""
         self._machine, self._kinematics = machine, kinematics
@@ -233,7 +233,7 @@ class Foresight:
         if unit is None:
             last = self.at(number - 1) if self._own.waits is not None else None
             return None if last is None else (last.order, 1.0, OWN, 0.0)
-        if unit.stretch is None or unit.chain is None:
+        if unit.segment is None or unit.chain is None:
             return unit.order, 0.0, 0, 0.0
         part, fraction = part_at(lines_along(unit.chain)[unit.index], s)
-        return place_of(unit.stretch.name, part.order, fraction, s)
+        return place_of(unit.segment.name, part.order, fraction, s)

@@ -20,7 +20,7 @@ from controller.plan.stops import table
 T = TypeVar("T")
 
 NUMBERS = 1_000_000  # that are kept, of 8 bytes: stops of a minute or two, and laws of many more
-MAX_STRETCHES = 40  # stretches of one that is kept: to compare many lines takes as long as many a plan
+MAX_STRETCHES = 40  # segments of one that is kept: to compare many lines takes as long as many a plan
 
 
 class _Newest:
@@ -69,7 +69,7 @@ def stops(course: FeedCourse, found: Profile, first_s: float, last_s: float, ste
 
 def _is_cacheable(course: FeedCourse) -> bool:
     """Exact rows are remembered by their course, and not here."""
-    return len(course.stretches) <= MAX_STRETCHES and not is_row(course)
+    return len(course.segments) <= MAX_STRETCHES and not is_row(course)
 
 
 def _bytes(found: Profile | None) -> tuple[bytes, bytes] | None:

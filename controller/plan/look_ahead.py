@@ -26,7 +26,7 @@ from controller.plan.feed import binding, pace
 from controller.plan.feed.course import MAX_SINGLE, REMEMBERED, FeedCourse
 from controller.plan.feed.profile import Profile, State
 from controller.plan.feed.ticked import is_row
-from controller.plan.path.path import Chain, Pause, Stretch
+from controller.plan.segment import ContinuousPath, Pause, Segment
 from controller.plan.track import Unit
 from controller.plan.waits import SETTING
 from controller.program.program import UNSAID, Act, Await, Level, Outputs, Probing
@@ -59,7 +59,7 @@ class Orders(NamedTuple):
 
     @property
     def shares(self) -> tuple[float, float, float, float]:
-        """As ``Stretch.scale`` takes them."""
+        """As ``Segment.scale`` takes them."""
         return self.override, self.rapid_override, self.adaptive, self.everywhere
 
     @property
@@ -88,9 +88,9 @@ class Sent:
     pieces: tuple[Piece, ...]
     course: FeedCourse | None = None  # None: a pause
     profile: Profile | None = None
-    laws: binding.Laws = ()  # of the profile, stretch by stretch
+    laws: binding.Laws = ()  # of the profile, segment by segment
     stops: StopTable | None = None
-    stretches: dict[int, Stretch] = field(default_factory=dict)  # of its motions, by id
+    segments: dict[int, Segment] = field(default_factory=dict)  # of its motions, by id
     is_split: bool = False  # a block of the program ends inside
     has_optional_stop: bool = False  # one with an M1 does
     is_short: bool = False  # it ends with a block of the program where the course would go on
@@ -113,7 +113,7 @@ class Sent:
 
     def is_blocked(self, orders: Orders) -> bool:
         """Whether an override of nothing forbids it."""
-        return self.course is not None and _stands(self.course.stretches, orders)
+        return self.course is not None and _stands(self.course.segments, orders)
 
     def place_at(self, plan_s: float) -> TrackPlace:
         """Where on the path it is at a plan time; a pause stands at its beginning."""
@@ -129,7 +129,7 @@ class Sent:
         if self.course is None or self.profile is None:
             return None
         s = self.profile.at(plan_s - self.start_s).s
-        return list(self.stretches)[int(self.course.index(np.array([s]))[0])]
+        return list(self.segments)[int(self.course.index(np.array([s]))[0])]
 
 
 class NoLaw(RuntimeError):
@@ -163,7 +163,9 @@ class Windows:
         self._machine, self._kinematics = machine, kinematics
         self._period_s = machine.period_s
         self._takes = lru_cache(REMEMBERED)(self._takes_s)
-        self._row: tuple[Chain, Orders, list[tuple[float, float]]] | None = None  # that was looked at last
+        self._row: tuple[ContinuousPath, Orders, list[tuple[float, float]]] | None = (
+            None  # that was looked at last
+        )
 
     # --- what others ask for
 
@@ -245,9 +247,9 @@ class Windows:
         units: list[Unit] = []
         takes: list[float] = []
         number, s, start = place.unit, place.s, 0.0
-        while (unit := track.at(number)) is not None and unit.stretch:
+        while (unit := track.at(number)) is not None and unit.segment:
             units.append(unit)
-            takes_s, braking_s = self._unit_takes_s(unit, unit.stretch, s, orders)
+            takes_s, braking_s = self._unit_takes_s(unit, unit.segment, s, orders)
             takes.append(takes_s)
             seconds = pace.window_s(seconds, braking_s)
             ends, at_end = _stops_of(unit, orders)
@@ -275,30 +277,30 @@ class Windows:
         last = int(np.searchsorted(ends, until))
         return _Reach(units[: last + 1], until, rests=False)
 
-    def _unit_takes_s(self, unit: Unit, stretch: Stretch, s: float, orders: Orders) -> tuple[float, float]:
+    def _unit_takes_s(self, unit: Unit, segment: Segment, s: float, orders: Orders) -> tuple[float, float]:
         """As ``_takes_s``; of a line in a row of lines with all the others of its chain."""
         chain = unit.chain
         if (
             chain is None
             or s > 0.0
-            or not isinstance(stretch.motion, ToolLine)
-            or len(chain.stretches) <= MAX_SINGLE
+            or not isinstance(segment.motion, ToolLine)
+            or len(chain.segments) <= MAX_SINGLE
         ):
-            return self._takes(stretch, s, orders)
+            return self._takes(segment, s, orders)
         if self._row is None or self._row[0] is not chain or self._row[1] != orders:
-            course = FeedCourse(chain.stretches, self._machine, self._kinematics, *orders.scales)
+            course = FeedCourse(chain.segments, self._machine, self._kinematics, *orders.scales)
             self._row = chain, orders, pace.each_takes_s(course)
-        return self._row[2][unit.index] if stretch.scale(*orders.shares) > 0.0 else (0.0, 0.0)
+        return self._row[2][unit.index] if segment.scale(*orders.shares) > 0.0 else (0.0, 0.0)
 
-    def _takes_s(self, stretch: Stretch, from_s: float, orders: Orders) -> tuple[float, float]:
+    def _takes_s(self, segment: Segment, from_s: float, orders: Orders) -> tuple[float, float]:
         """Seconds from ``from_s`` to the end, and the longest that braking takes on the way."""
-        if stretch.scale(*orders.shares) <= 0.0:
+        if segment.scale(*orders.shares) <= 0.0:
             return 0.0, 0.0  # it is not to move at all
-        course = FeedCourse([stretch], self._machine, self._kinematics, *orders.scales)
+        course = FeedCourse([segment], self._machine, self._kinematics, *orders.scales)
         return pace.row_takes_s(course, from_s) if is_row(course) else pace.takes_s(course, from_s)
 
     def _forbidden(self, reach: _Reach, orders: Orders) -> bool:
-        return _stands([unit.stretch for unit in reach.units if unit.stretch], orders)
+        return _stands([unit.segment for unit in reach.units if unit.segment], orders)
 
     # --- one window
 
@@ -312,9 +314,9 @@ class Windows:
         orders: Orders,
     ) -> Sent | None:
         units = reach.units
-        stretches = [unit.stretch for unit in units if unit.stretch]
+        segments = [unit.segment for unit in units if unit.segment]
         begins = [unit.begin for unit in units]
-        course = FeedCourse(stretches, self._machine, self._kinematics, *orders.scales, begins)
+        course = FeedCourse(segments, self._machine, self._kinematics, *orders.scales, begins)
         found = known.law(course, begin, reach.until, guess)
         if found is None:
             return None
@@ -329,7 +331,7 @@ class Windows:
             course,
             found,
             found.laws(course),
-            stretches={unit.motion_id: s for unit, s in zip(units, stretches, strict=True)},
+            segments={unit.motion_id: s for unit, s in zip(units, segments, strict=True)},
             is_split=any(unit.block_end for unit in units[:-1]) or any(unit.lines_end for unit in units),
             has_optional_stop=any(unit.optional_stop for unit in units[:-1])
             or any(unit.optional_stops for unit in units),
@@ -351,23 +353,23 @@ class Windows:
         assert made.course is not None
         pieces: list[Piece] = []
         for (k, law), binds in zip(made.laws, self._binds(made.course, made.laws), strict=True):
-            stretch, orders = made.course.stretches[k], made.orders
-            rapid = stretch.feed_mm_s is None
+            segment, orders = made.course.segments[k], made.orders
+            rapid = segment.feed_mm_s is None
             pieces.append(
                 Piece(
                     units[k].motion_id,
                     units[k].line,
                     law,
                     law.duration_s,
-                    cutting=stretch.cutting,
+                    cutting=segment.cutting,
                     rapid=rapid,
-                    override=stretch.scale(*orders.shares),
-                    own_feed=not stretch.overrides.feed,
-                    heeds_stop=stretch.overrides.stop,
-                    adaptive=stretch.overrides.adaptive,
+                    override=segment.scale(*orders.shares),
+                    own_feed=not segment.overrides.feed,
+                    heeds_stop=segment.overrides.stop,
+                    adaptive=segment.overrides.adaptive,
                     binds=binds,
-                    outputs=_plain(stretch.outputs),
-                    guarded=stretch.guarded,
+                    outputs=_plain(segment.outputs),
+                    guarded=segment.guarded,
                 )
             )
         rest_s = made.end_s - made.start_s - sum(piece.duration_s for piece in pieces)
@@ -468,22 +470,22 @@ def _stops_of(unit: Unit, orders: Orders) -> tuple[Sequence[float], bool]:
 
 def _has_feed(course: FeedCourse) -> bool:
     """Whether the override of feeds counts somewhere in it."""
-    return any(one.feed_mm_s is not None and one.overrides.feed for one in course.stretches)
+    return any(one.feed_mm_s is not None and one.overrides.feed for one in course.segments)
 
 
 def _is_led(course: FeedCourse, asked: bool) -> bool:
     """Whether adaptive feed counts somewhere in it: where the program has ``asked`` for it, or where not."""
-    feeds = (one.overrides for one in course.stretches if one.feed_mm_s is not None)
+    feeds = (one.overrides for one in course.segments if one.feed_mm_s is not None)
     return any(has.feed and has.adaptive is asked for has in feeds)
 
 
 def _has_rapid(course: FeedCourse) -> bool:
-    return any(stretch.feed_mm_s is None for stretch in course.stretches)
+    return any(segment.feed_mm_s is None for segment in course.segments)
 
 
-def _stands(stretches: Sequence[Stretch], orders: Orders) -> bool:
+def _stands(segments: Sequence[Segment], orders: Orders) -> bool:
     """Whether one of them is at an override of nothing."""
-    return any(one.scale(*orders.shares) <= 0.0 for one in stretches)
+    return any(one.scale(*orders.shares) <= 0.0 for one in segments)
 
 
 def _braking(sent: Sent, plan_s: float, v: float) -> float:

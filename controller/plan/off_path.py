@@ -29,15 +29,15 @@ from controller.plan.restart import entry, other_tool, reentry
 from controller.plan.restart.program_position import ENTRY_ID, Spot
 from controller.plan.restart.reentry import (
     RETRACT_MM_S,
-    Entrance,
     Fitted,
     NotPossible,
     Reentry,
+    WayOnto,
     along_axis,
     joints_at,
 )
 from controller.plan.restart.restart import Rest, named
-from controller.plan.stretch import Chain, Pause, Stretch, straight
+from controller.plan.segment import ContinuousPath, PathItem, Pause, Segment, straight
 from controller.plan.track import Track
 from controller.program import modal
 from controller.program.program import Act, Place
@@ -76,7 +76,7 @@ class Aside:
 
 def retract(
     now: Joints, by_mm: float, place: Place, machine: Machine, kinematics: Kinematics
-) -> Iterator[Chain | Pause]:
+) -> Iterator[PathItem]:
     """The way off along the tool axis, to a stop. Raises NotPossible."""
     room = reentry.room_along_axis(now, machine, kinematics)
     if not 0.0 < by_mm <= room:
@@ -85,9 +85,9 @@ def retract(
     return ending([] if off is None else [off], place)
 
 
-def ending(way: Iterable[Stretch], place: Place) -> Iterator[Chain | Pause]:
+def ending(way: Iterable[Segment], place: Place) -> Iterator[PathItem]:
     """A way aside: one move after the other, to a stop."""
-    yield from (Chain((stretch,)) for stretch in way)
+    yield from (ContinuousPath((segment,)) for segment in way)
     yield Pause(place, modal.power_on().modal, act=Act.STOP)
 
 
@@ -168,7 +168,7 @@ class Detour:
             path = Track(rest.opened(rest.items), machine, kinematics, probes=True)
             path.goes_on(left[0])
             left, stood = (path, TrackPlace(0, rest.spot.s)), rest.target.joints
-        entrance = Entrance(machine, kinematics, fitted)
+        entrance = WayOnto(machine, kinematics, fitted)
         onto, (track, place) = self._onto(*left, stood, rest, entrance)
         length_mm = 0.0 if fitted.tool is None else fitted.tool.length_mm
         clear_mm = fitted.walls.height(onto.waits, length_mm, kinematics) + machine.clearance_mm
@@ -182,24 +182,24 @@ class Detour:
         return way
 
     def _onto(
-        self, track: Track, place: TrackPlace, stood: Joints, rest: Rest | None, entrance: Entrance
+        self, track: Track, place: TrackPlace, stood: Joints, rest: Rest | None, entrance: WayOnto
     ) -> tuple[Reentry, Left]:
         """How a path is gone on with that was left at a place of it, the joints at ``stood``, and where."""
         number, s = place
         while (unit := track.at(number)) is not None:
-            clear_mm = track.clear_mm(stood, unit.stretch) if rest is None else rest.target.clear_mm
-            if unit.stretch is None:
+            clear_mm = track.clear_mm(stood, unit.segment) if rest is None else rest.target.clear_mm
+            if unit.segment is None:
                 if track.comes_free(number):
                     return Reentry(stood, 0.0), (track, TrackPlace(number, 0.0))
                 onto = entrance.enter_pause(stood, unit.what.place, clear_mm)
                 return onto, (track, TrackPlace(number, 0.0))
-            found = reentry.begins_at(unit.stretch, max(s, unit.begin))
+            found = reentry.begins_at(unit.segment, max(s, unit.begin))
             if found is not None:
-                return entrance.enter(unit.stretch, found, clear_mm), (track, TrackPlace(number, found))
+                return entrance.enter(unit.segment, found, clear_mm), (track, TrackPlace(number, found))
             number, s = number + 1, 0.0
         raise NotPossible(message("aside.no_return"))
 
-    def _track(self, items: Iterable[Chain | Pause]) -> Track:
+    def _track(self, items: Iterable[PathItem]) -> Track:
         way = named(items, self._next_id)
         self._next_id += len(way)
         return Track(way, self._machine, self._kinematics, ends=False)
@@ -257,7 +257,7 @@ class Detour:
         """The joints at a place of a path; of a pause, where the motion behind it begins; None at the end."""
         number, s = place.unit, place.s
         while (unit := track.at(number)) is not None:
-            if unit.stretch:
-                return joints_at(unit.stretch, s if number == place.unit else unit.begin, self._kinematics)
+            if unit.segment:
+                return joints_at(unit.segment, s if number == place.unit else unit.begin, self._kinematics)
             number += 1
         return None

@@ -33,9 +33,9 @@ from controller.machine.model import Machine
 from controller.messages import message
 from controller.plan.look_ahead import Orders, Sent, TrackPlace, Windows
 from controller.plan.off_path import SAME, Aside, Back, Detour
-from controller.plan.path.path import Chain, Pause, Stretch
 from controller.plan.restart.program_position import Spot
 from controller.plan.restart.reentry import NotPossible
+from controller.plan.segment import PathItem, Segment
 from controller.plan.track import Track
 from controller.program.program import Probed, ProgramError
 from controller.state.modes import Mode, Request
@@ -121,19 +121,19 @@ class Planner:
         self._wait_s = -math.inf  # ... when the tick has come to this one
         self._detour = Detour(machine, kinematics)
         self._asked = 0  # the last sequence before the way off the path, or back
-        self.stretches: dict[int, Stretch] = {}  # by motion id, in the order of the path
-        self.fresh: dict[int, Stretch] = {}  # motions sent since its owner emptied it
+        self.segments: dict[int, Segment] = {}  # by motion id, in the order of the path
+        self.fresh: dict[int, Segment] = {}  # motions sent since its owner emptied it
 
     # --- what is to be planned
 
-    def load(self, items: Iterable[Chain | Pause], queue_end_s: float, epoch: int = 0) -> None:
+    def load(self, items: Iterable[PathItem], queue_end_s: float, epoch: int = 0) -> None:
         """Take a path; the first message goes out with the next ``work``."""
         track = Track(items, self._machine, self._kinematics, probes=True)
         self._begin(track, TrackPlace(0, 0.0), queue_end_s, epoch)
         self._probings = None
         self._dropped = False
         self._detour.forget()
-        self.stretches.clear()
+        self.segments.clear()
 
     def go_on_from(self, sequence: int) -> None:
         """The tick has seen messages up to ``sequence``, of a planner before this one."""
@@ -230,14 +230,14 @@ class Planner:
     def _note_touch(self, came: Probed, behind: int) -> None:
         """What came of the probing before that unit, for those who measure."""
         way, pause = self._track.at(behind - 2), self._track.at(behind - 1)
-        if way is None or pause is None or way.stretch is None or pause.pause is None:
+        if way is None or pause is None or way.segment is None or pause.pause is None:
             return
         if (probe := pause.pause.probe) is None or probe.away:
             return
-        places = [[q[i] for i in self._machine.linear()] for q in (way.stretch.start, way.stretch.end)]
+        places = [[q[i] for i in self._machine.linear()] for q in (way.segment.start, way.segment.end)]
         length = math.dist(*places)
         x, y, z = ((b - a) / length for a, b in zip(*places, strict=True))
-        feed_mm_s = way.stretch.feed_mm_s or 0.0
+        feed_mm_s = way.segment.feed_mm_s or 0.0
         self.touches.append(Touch(pause.line, came, (x, y, z), pause.pause.modal.tool, feed_mm_s))
 
     def keepalive(self) -> None:
@@ -412,14 +412,14 @@ class Planner:
         if not added:
             return False
         self._sequence += 1
-        motions = {name: stretch for sent in added for name, stretch in sent.stretches.items()}
+        motions = {name: segment for sent in added for name, segment in sent.segments.items()}
         self.fresh.update(motions)
         if self._remember:
-            self.stretches.update(motions)
+            self.segments.update(motions)
         message = PieceMessage(
             self._sequence,
             from_s,
-            {name: stretch.motion for name, stretch in motions.items() if name != known},
+            {name: segment.motion for name, segment in motions.items() if name != known},
             tuple(piece for sent in added for piece in sent.pieces),
             tuple(sent.stops for sent in added if sent.stops is not None),
             self._epoch,

@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any, NamedTuple
 
-from controller.plan.stretch import Pause, Wait
+from controller.plan.segment import Pause, Wait
 
 MAX_EVENTS = 20_000  # events of a program; what it waits for behind them is told as it comes near
 

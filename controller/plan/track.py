@@ -19,7 +19,7 @@ from controller.plan.feed import profile
 from controller.plan.restart.program_position import ENTRY_ID, FORMER, Spot, fraction_at
 from controller.plan.restart.reentry import is_free
 from controller.plan.restart.tops import Tops
-from controller.plan.stretch import Chain, Pause, Stretch
+from controller.plan.segment import ContinuousPath, PathItem, Pause, Segment
 from controller.program.program import Act, Probed, Probing, ProgramError
 
 TINY = 1e-9  # of s
@@ -33,26 +33,26 @@ def _id_of(pause: Pause) -> int:
 
 @dataclass(frozen=True, slots=True)
 class Unit:
-    """A stretch, or a pause, of the path."""
+    """A segment, or a pause, of the path."""
 
-    what: Stretch | Pause
+    what: Segment | Pause
     motion_id: int  # counted along the path; STANDS for a pause
     rests: bool = True  # after it; False: it runs into the next
     block_end: bool = True  # a block of the program ends with it
     optional_stop: bool = False  # an M1 stands there
     last: bool = True
     begin: float = 0.0  # s at which it begins: a restart begins inside of a motion
-    chain: Chain | None = None  # that it is a stretch of ...
+    chain: ContinuousPath | None = None  # that it is a segment of ...
     index: int = 0  # ... and which
 
     @property
-    def stretch(self) -> Stretch | None:
+    def segment(self) -> Segment | None:
         """None: it is a pause."""
-        return self.what if isinstance(self.what, Stretch) else None
+        return self.what if isinstance(self.what, Segment) else None
 
     @property
     def pause(self) -> Pause | None:
-        """None: it is a stretch."""
+        """None: it is a segment."""
         return self.what if isinstance(self.what, Pause) else None
 
     @property
@@ -66,24 +66,24 @@ class Unit:
     @property
     def last_order(self) -> int:
         """That of the block with which it ends; a spline is many lines."""
-        return self.order if self.stretch is None else self.stretch.order_at(self.length)
+        return self.order if self.segment is None else self.segment.order_at(self.length)
 
     @property
     def lines_end(self) -> Sequence[float]:
         """Places inside its motion where a line ends and the next begins."""
-        return [s for s in self.stretch.lines_s if 0.0 < s < self.length] if self.stretch else ()
+        return [s for s in self.segment.lines_s if 0.0 < s < self.length] if self.segment else ()
 
     @property
     def optional_stops(self) -> Sequence[float]:
         """Those of them with an M1."""
         marks = self.chain.optional_stops if self.chain is not None else ()
-        if not marks or (stretch := self.stretch) is None:
+        if not marks or (segment := self.segment) is None:
             return ()
-        return [s for s in self.lines_end if _between(marks, stretch.order_at(s - TINY), stretch.order_at(s))]
+        return [s for s in self.lines_end if _between(marks, segment.order_at(s - TINY), segment.order_at(s))]
 
     @property
     def length(self) -> float:
-        return 0.0 if self.stretch is None else self.stretch.motion.end
+        return 0.0 if self.segment is None else self.segment.motion.end
 
 
 class Track:
@@ -91,7 +91,7 @@ class Track:
 
     def __init__(
         self,
-        items: Iterable[Chain | Pause],
+        items: Iterable[PathItem],
         machine: Machine,
         kinematics: Kinematics,
         ends: bool = True,
@@ -126,21 +126,21 @@ class Track:
     def comes_free(self, number: int) -> bool:
         """Whether the motion before a unit, as far as it is known, leads beside the part alone."""
         known = list(itertools.islice(self._kept, max(0, number - self._first)))
-        before = next((unit.stretch for unit in reversed(known) if unit.stretch), None)
+        before = next((unit.segment for unit in reversed(known) if unit.segment), None)
         return is_free(before) if before is not None else self._first == 0
 
-    def lead_in(self, number: int, s: float, ways: Sequence[Stretch], joins: bool, first_id: int) -> None:
+    def lead_in(self, number: int, s: float, ways: Sequence[Segment], joins: bool, first_id: int) -> None:
         """Lay ``ways`` before a unit, which then begins at ``s``; ``joins``: the last runs on into it."""
         unit, i = self._kept[number - self._first], number - self._first
-        self._kept[i] = replace(unit, begin=s) if unit.stretch else unit
-        if joins and unit.stretch:
-            row, begins = (ways[-1], unit.stretch), (0.0, s)
+        self._kept[i] = replace(unit, begin=s) if unit.segment else unit
+        if joins and unit.segment:
+            row, begins = (ways[-1], unit.segment), (0.0, s)
             runs = profile.split_at_stops(row, self._machine, self._kinematics, begins=begins)
             joins = len(runs) == 1
         self.laid += len(ways)
         for k, way in enumerate(ways):
             rests = not (joins and k == len(ways) - 1)
-            laid = Unit(way, first_id + k, rests, block_end=False, last=False, chain=Chain((way,)))
+            laid = Unit(way, first_id + k, rests, block_end=False, last=False, chain=ContinuousPath((way,)))
             self._kept.insert(i + k, laid)
 
     def answer(self, number: int, came: Probed) -> int:
@@ -172,10 +172,10 @@ class Track:
         unit = self.at(number)
         if unit is None:
             return None
-        if unit.chain is None or unit.stretch is None:
+        if unit.chain is None or unit.segment is None:
             return Spot(unit.line, 0.0, FORMER)
-        share = 1.0 if unit.stretch.name == "lift" else fraction_at(unit.chain, unit.index, s)
-        return Spot(unit.stretch.line_at(s), share, unit.motion_id, s)
+        share = 1.0 if unit.segment.name == "lift" else fraction_at(unit.chain, unit.index, s)
+        return Spot(unit.segment.line_at(s), share, unit.motion_id, s)
 
     def forget(self, before: int) -> None:
         """What lies before that number is not asked for any more."""
@@ -197,8 +197,8 @@ class Track:
             if self._probes and unit.pause and unit.pause.ends:
                 self.waits = unit.pause.probe
 
-    def _note_top(self, what: Stretch | Pause) -> None:
-        if isinstance(what, Stretch):
+    def _note_top(self, what: Segment | Pause) -> None:
+        if isinstance(what, Segment):
             self._tops.note(what, getattr(what.motion, "length_mm", self._length_mm))
         elif what.act is Act.TOOL and (tool := what.modal.tool_in(self._machine)) is not None:
             self._length_mm = tool.length_mm
@@ -207,12 +207,12 @@ class Track:
         """It is what is left of another one."""
         self._tops.take(before._tops)
 
-    def clear_mm(self, joints: Joints, stretch: Stretch | None = None) -> float:
+    def clear_mm(self, joints: Joints, segment: Segment | None = None) -> float:
         """How far off along its axis the tool is above all that the path cuts, as far as it is read."""
-        length_mm = getattr(stretch.motion, "length_mm", self._length_mm) if stretch else self._length_mm
+        length_mm = getattr(segment.motion, "length_mm", self._length_mm) if segment else self._length_mm
         return max(0.0, self._tops.above(joints, length_mm)) + self._machine.clearance_mm
 
-    def _units(self, items: Iterable[Chain | Pause]) -> Iterator[Unit]:
+    def _units(self, items: Iterable[PathItem]) -> Iterator[Unit]:
         before: Unit | None = None
         try:
             for unit, joined in self._numbered(items):
@@ -229,28 +229,28 @@ class Track:
         if before is not None:
             yield replace(before, last=self._ends)
 
-    def _numbered(self, items: Iterable[Chain | Pause]) -> Iterator[tuple[Unit, bool]]:
+    def _numbered(self, items: Iterable[PathItem]) -> Iterator[tuple[Unit, bool]]:
         """Units with whether they are joined to the one before without a rest."""
         count = 0
-        before: Stretch | None = None  # that runs on into the next chain by the path's own word
+        before: Segment | None = None  # that runs on into the next chain by the path's own word
         for item in items:
             if isinstance(item, Pause):
                 yield Unit(item, _id_of(item)), False
                 before = None
                 continue
             count = count if item.first_id is None else item.first_id
-            row = item.stretches if before is None else (before, *item.stretches)
-            joined = [before is not None, *[True] * (len(item.stretches) - 1)]
-            first = len(item.stretches) - len(row)
-            begins = [*([0.0] if before else ()), item.from_s, *[0.0] * (len(item.stretches) - 1)]
+            row = item.segments if before is None else (before, *item.segments)
+            joined = [before is not None, *[True] * (len(item.segments) - 1)]
+            first = len(item.segments) - len(row)
+            begins = [*([0.0] if before else ()), item.from_s, *[0.0] * (len(item.segments) - 1)]
             for run in profile.split_at_stops(row, self._machine, self._kinematics, 1.0, begins=begins)[:-1]:
                 first += len(run)
                 joined[first] = False
-            for k, stretch in enumerate(item.stretches):
+            for k, segment in enumerate(item.segments):
                 begin = 0.0 if k else item.from_s
-                yield Unit(stretch, count, begin=begin, chain=item, index=k), joined[k]
+                yield Unit(segment, count, begin=begin, chain=item, index=k), joined[k]
                 count += 1
-            before = item.stretches[-1] if item.runs_on else None
+            before = item.segments[-1] if item.runs_on else None
 
     def _before(self, unit: Unit, after: Unit, joined: bool) -> Unit:
         marks, order = after.chain.optional_stops if after.chain is not None else (), unit.last_order

@@ -15,7 +15,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 from controller.machine.model import Machine, Spindle
-from controller.plan.stretch import Chain, Pause, Wait
+from controller.plan.segment import ContinuousPath, PathItem, Pause, Wait
 from controller.program.output_words import steps_of
 from controller.program.program import Act, Changing, Level, Place
 
@@ -32,11 +32,11 @@ JOURNAL, SET, ORIENT, AGAIN = "journal", "set", "orient", "orient again"  # name
 _HALTS = {Act.STOP: STOP, Act.OPTIONAL_STOP: OPTIONAL}
 
 
-def laid(items: Iterable[Chain | Pause], machine: Machine, rev_min: float = 0.0) -> Iterator[Chain | Pause]:
+def laid(items: Iterable[PathItem], machine: Machine, rev_min: float = 0.0) -> Iterator[PathItem]:
     """The same path with a ``Wait`` on each pause; ``rev_min``: of the spindle before it."""
     waits = _Waits(machine, rev_min)
     for item in items:
-        yield item if isinstance(item, Chain) else replace(item, wait=waits.of(item))
+        yield item if isinstance(item, ContinuousPath) else replace(item, wait=waits.of(item))
 
 
 def ramp_s(spindle: Spindle, before: float, after: float) -> float:

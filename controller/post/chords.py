@@ -18,7 +18,7 @@ from controller.geometry.arrays import Array
 from controller.machine.kinematics import Kinematics
 from controller.motion.motions import JointMove
 from controller.plan.rotaries.branch import joints_along
-from controller.plan.stretch import Stretch
+from controller.plan.segment import Segment
 
 Ends = tuple[Array, Array]  # tips and tops, each (N, 3), table frame
 
@@ -49,14 +49,14 @@ class Samples:
 
 
 def corners(
-    stretch: Stretch, kinematics: Kinematics, form: Form, length_mm: float, height_mm: float, chord_mm: float
+    segment: Segment, kinematics: Kinematics, form: Form, length_mm: float, height_mm: float, chord_mm: float
 ) -> tuple[Array, Array]:
     """Places s (N + 1,) and joints (N + 1, axes) of the corners of a motion's chords, its start too."""
-    if isinstance(stretch.motion, JointMove) and stretch.feed_mm_s is None:
-        return np.array([0.0, stretch.motion.end]), np.array([stretch.start, stretch.end])
+    if isinstance(segment.motion, JointMove) and segment.feed_mm_s is None:
+        return np.array([0.0, segment.motion.end]), np.array([segment.start, segment.end])
     count = FIRST_SAMPLES
     while True:
-        found = sampled(stretch, kinematics, length_mm, height_mm, count)
+        found = sampled(segment, kinematics, length_mm, height_mm, count)
         row = _longest(found, kinematics, form, length_mm, chord_mm)
         if count >= MAX_SAMPLES or count >= PER_CHORD * len(row):
             return found.s[row], found.joints[row]
@@ -64,11 +64,11 @@ def corners(
 
 
 def sampled(
-    stretch: Stretch, kinematics: Kinematics, length_mm: float, height_mm: float, count: int
+    segment: Segment, kinematics: Kinematics, length_mm: float, height_mm: float, count: int
 ) -> Samples:
     """Evenly along a motion."""
-    s = np.linspace(0.0, stretch.motion.end, count)
-    joints = joints_along(stretch, s, kinematics)
+    s = np.linspace(0.0, segment.motion.end, count)
+    joints = joints_along(segment, s, kinematics)
     return Samples(s, joints, *poses(joints, length_mm, kinematics), height_mm)
 
 

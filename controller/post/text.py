@@ -17,7 +17,7 @@ from controller.geometry.vectors import Frame, norm
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import OFFSETS, Machine, Tool
 from controller.motion.motions import SurfaceCut
-from controller.plan.stretch import Chain, Pause, Stretch
+from controller.plan.segment import PathItem, Pause, Segment
 from controller.post.chords import Form, corners, poses
 from controller.program.program import Act
 
@@ -43,7 +43,7 @@ class Asked:
         return self.machine.offsets[self.offset]
 
 
-def post(items: Sequence[Chain | Pause], tools: Iterable[tuple[int, Tool]], asked: Asked) -> str:
+def post(items: Sequence[PathItem], tools: Iterable[tuple[int, Tool]], asked: Asked) -> str:
     """The program of a path. ``tools``: from which order of its own blocks on which tool is in the "
     "spindle."""
     writer = _Writer(asked, list(tools))
@@ -52,18 +52,18 @@ def post(items: Sequence[Chain | Pause], tools: Iterable[tuple[int, Tool]], aske
         if isinstance(item, Pause):
             writer.pause(item)
             continue
-        for stretch in item.stretches:
-            writer.stretch(stretch)
+        for segment in item.segments:
+            writer.segment(segment)
     return "\n".join([*writer.lines, ""])
 
 
-def _mode(items: Sequence[Chain | Pause], asked: Asked) -> str:
+def _mode(items: Sequence[PathItem], asked: Asked) -> str:
     """How corners are passed; the axis may be off by no more than the chord at the top of the flank."""
     if not asked.blend:
         return "G61"
-    stretches = (one for item in items for one in item.stretches)
+    segments = (one for item in items for one in item.segments)
     tallest = max(
-        (_ruling_mm(one.motion) for one in stretches if isinstance(one.motion, SurfaceCut)), default=0.0
+        (_ruling_mm(one.motion) for one in segments if isinstance(one.motion, SurfaceCut)), default=0.0
     )
     turn = f" Q{_number(math.degrees(asked.chord_mm / tallest))}" if tallest > 0.0 else ""
     return f"G64 P{_number(asked.chord_mm)}{turn}"
@@ -84,7 +84,7 @@ class _Writer:
         if item.seconds > 0.0:
             self.lines.append(f"G4 P{item.seconds:g}")
 
-    def stretch(self, one: Stretch) -> None:
+    def segment(self, one: Segment) -> None:
         tool = self._tool(one.place.order)
         if tool.number != self._length_said:
             self.lines.append(PLACES[self._asked.form])
@@ -104,7 +104,7 @@ class _Writer:
         self._timed = True
         self.lines.append(f"{mode}G1 {words} F{_number(60.0 / max(time_s, SHORTEST_S))}")
 
-    def _times(self, one: Stretch, s: Array) -> list[float | None]:
+    def _times(self, one: Segment, s: Array) -> list[float | None]:
         """Seconds of each line; none for rapids."""
         if one.feed_mm_s is None:
             return [None] * (len(s) - 1)
@@ -130,7 +130,7 @@ class _Writer:
         return [tool for first, tool in self._tools if first <= order][-1]
 
 
-def height_mm(one: Stretch, tool: Tool) -> float:
+def height_mm(one: Segment, tool: Tool) -> float:
     """How far above the tip the flank cuts: the longest ruling, or the flute where there is none."""
     return _ruling_mm(one.motion) if isinstance(one.motion, SurfaceCut) else tool.flute_mm
 

@@ -298,13 +298,14 @@ def _is_part(word: Word) -> bool:
 def _notes_and_settings(told: list[Line], state: State) -> list[Block]:
     said: list[Block] = []
     for line in told:
-        said += [Remark(line.place(1), state.modal, note) for note in line.notes]
-        if line.changes:
-            said.append(Setting(line.place(1), state.modal, line.changes))
-        if line.message:
-            said.append(OperatorMessage(line.place(1), state.modal, line.message))
-        if line.kept:
-            said.append(Setting(line.place(1), state.modal, carried.parameter_changes(line.kept)))
+        at, asides = (line.place(1), state.modal), line.asides
+        said += [Remark(*at, note) for note in asides.notes]
+        if asides.changes:
+            said.append(Setting(*at, tuple(asides.changes)))
+        if asides.message:
+            said.append(OperatorMessage(*at, asides.message))
+        if asides.kept:
+            said.append(Setting(*at, carried.parameter_changes(asides.kept)))
     told.clear()
     return said
 

@@ -270,11 +270,7 @@ class Saved:
             return state, [], line
         if len(words) > 1:
             raise line.refusal(words[1], "saved.two", first=words[0].text)
-        made: list[Block] = []
-        state = self._one(line, words[0], state, made)
-        return state, made, line.with_words(tuple(w for w in line.words if w not in words))
-
-    def _one(self, line: Line, word: Word, state: State, made: list[Block]) -> State:
+        (word,), made = words, list[Block]()
         for ended in [call for call in self._kept if call > line.sub]:
             del self._kept[ended]
         if word.value in (KEEP, KEEP_FOR_SUB):
@@ -284,9 +280,8 @@ class Saved:
         elif line.sub not in self._kept:
             raise line.refusal(word, "saved.none")
         else:
-            state, blocks = _given_back(line, word, state, self._kept[line.sub], self._machine)
-            made += blocks
-        return state
+            state, made = _given_back(line, word, state, self._kept[line.sub], self._machine)
+        return state, made, line.with_words(tuple(one for one in line.words if one is not word))
 
 
 def _given_back(

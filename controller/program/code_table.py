@@ -22,7 +22,6 @@ from controller.program.code_rows import (
     NIST,
     PAPER,
     Code,
-    Fate,
     alone,
     done,
     noted,
@@ -89,44 +88,6 @@ NOT_DONE: tuple[Code, ...] = (
     *refused(FANUC, "G16 G65 G66", dialect="rs274"),
     *refused(HAAS, "G150 G253 G268 M83 M88", dialect="fanuc"),
 )
-
-
-# Where a code is tried; those that are not named here, in ``test_each_code`` and ``test_code_table``.
-_EACH, _NOT_DONE = "program/test_each_code.py", "program/test_code_table.py"
-_TESTS = {
-    "program/test_plain.py": "G0 G1 G2 G3 G4 G17 G20 G21 G93 G94 M3 M8",
-    "program/test_plane_words.py": "G18 G53 G68.2 G68.3 G53.1 G53.3 G53.6",
-    "program/test_tilted_planes.py": "G68.4 G69",
-    "program/test_cycles.py": "G73 G74 G81 G82 G83 G84 G85 G86 G89 G98 G99 G19 M4 M5",
-    "program/test_boring.py": "G76 G87",
-    "program/test_threads.py": "G33 G33.1 M29",
-    "program/test_blocks.py": "G51 G61 G64 M6 M30",
-    "program/test_shifts.py": "G52",
-    "program/test_nurbs.py": "G6.2",
-    "program/test_spline_words.py": "G5 G5.1 G5.2 G5.3",
-    "program/test_offset_words.py": "G10 G28 G28.1 G30 G43 G43.1 G43.2 G44 G54.1 G68 G91 G92 M61",
-    "program/test_compensation.py": "G40 G41 G42 G41.1 G42.1 G43.4 G54 G55 G90",
-    "program/test_pocket_words.py": "G12 G13",
-    "program/test_lenient_words.py": " ".join(f"G{110 + i}" for i in range(20)),
-    "program/test_mirror_and_polar.py": "G51.1 G50.1 G15 G16",
-    "program/test_dynamic_offset.py": "G254 G255 G54.2",
-    "program/test_posts.py": "G80 G154 G234",
-    "program/test_parameters.py": "G90.1 G95 M70 M72 M73",
-    "program/test_modal.py": "M48 M49 M50 M51 M52 M53",
-    "program/test_line_words.py": "G38.2 G38.3 G38.4 G38.5 G31",
-    "program/test_flow.py": "M98 M99",
-    "program/test_own_codes.py": "M97 M198",
-    "program/test_macro_calls.py": "G65 G66 G67",
-    "tick/test_outputs.py": "M10 M11 M62 M63 M64 M65 M66",
-    "tick/test_analogue_outputs.py": "M19 M67 M68",
-    "machine/test_changes.py": "G30.1 G92.3",
-}
-TEST_OF = MappingProxyType({name: file for file, names in _TESTS.items() for name in names.split()})
-
-
-def test_of(row: Code) -> str:
-    """The file of tests, in tests/controller, that shows what comes of a code."""
-    return TEST_OF.get(row.name, _NOT_DONE if row.fate is not Fate.DONE else _EACH)
 
 
 _CYCLE = AXES + "RLK"
@@ -403,15 +364,15 @@ ROWS: tuple[Code, ...] = (
         ("M72", "", "gives the kept state back"),
         ("M73", "", "keeps the state until the sub ends"),
     ),
-    *done("call", FANUC, ("M98", "PL", "calls sub P, or the file (NAME), L times"), dialect="fanuc"),
     *done("call", FANUC, ("M98", "PL", "calls sub P, L times"), ("M99", "", "ends a sub"), dialect="rs274"),
     *done(
         "call",
         FANUC,
+        ("M98", "PL", "calls sub P, or the file (NAME), L times"),
         ("M99", "P", "ends a sub; with P it goes on at that N"),
+        ("M198", "PL", "calls sub P of a file, L times"),
         dialect="fanuc",
     ),
-    *done("call", FANUC, ("M198", "PL", "calls sub P of a file, L times"), dialect="fanuc"),
     *done("call", HAAS, ("M97", "PL", "calls the lines from N on, up to M99, L times"), dialect="fanuc"),
     *done(
         "call",
@@ -453,11 +414,10 @@ def of(dialect: str) -> dict[str, Code]:
 
 def takers_of(letter: str, dialect: str) -> str:
     """The codes of a dialect that take a letter, for sentences."""
-    letters = {"U": "U", "V": "V", "W": "W"}.get(letter, letter)
     sides = {"D": ("G41", "G42")}.get(letter, ("G40", "G41", "G42") if letter in "PQR" else ())
-    axes = AXES if letter in "XYZABC" else letters
-    rows = of(dialect).values()
-    found = [row.name for row in rows if row.name in sides or letters in row.letters or axes in row.letters]
+    axes = AXES if letter in "XYZABC" else letter
+    rows = BY_DIALECT[dialect].values()
+    found = [row.name for row in rows if row.name in sides or letter in row.letters or axes in row.letters]
     return " ".join(found) or Key("code.none")
 
 
@@ -465,21 +425,3 @@ BY_DIALECT = MappingProxyType({dialect: MappingProxyType(of(dialect)) for dialec
 HOLD_AXES = MappingProxyType(
     {d: frozenset(name for name, row in rows.items() if row.holds_axes) for d, rows in BY_DIALECT.items()}
 )
-
-
-def markdown() -> str:
-    """The table as the README of the programs shows it."""
-    head = ["| code | dialect | from | what it is | here | test |", "|---|---|---|---|---|---|"]
-    return "\n".join([*head, *(_markdown(row) for row in sorted(ROWS, key=_order)), ""])
-
-
-def _order(row: Code) -> tuple[str, float, str]:
-    return row.name[0], float(row.name[1:]), row.dialect
-
-
-def _markdown(row: Code) -> str:
-    here = {Fate.DONE: "", Fate.NOTED: "noted: ", Fate.REFUSED: "refused: "}[row.fate] + (row.told or "done")
-    if row.only:
-        here = f"with {row.only} {here} Else refused: {row.instead}"
-    told = (row.name, row.dialect or "both", row.source, row.meaning, here, f"`{test_of(row)}`")
-    return f"| {' | '.join(told)} |"

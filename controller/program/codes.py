@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, lru_cache
 
 from controller.machine.model import Machine
 from controller.program import foreign, own_codes
@@ -87,6 +87,11 @@ class ParsedLine:
                 about = about or code
         return self.line.refusal(word, key, about, **values)
 
+    def refuse_where(self, word: Word, *rows: tuple[object, str], **values: object) -> None:
+        """Refuses the word for the first of what is so, with its key. Raises ProgramError."""
+        if key := next((key for is_so, key in rows if is_so), ""):
+            raise self.refusal(word, key, **values)
+
     def place(self, word: Word) -> Place:
         return self.line.place(word.column)
 
@@ -105,28 +110,30 @@ def sort(line: Line, machine: Machine) -> ParsedLine:
     """The line by groups and letters; ProgramError on unknown or doubled words."""
     codes: dict[str, tuple[str, Word]] = {}
     others: dict[str, Word] = {}
-    switches = tuple(found for word in line.words if (found := _switch(word, machine)) is not None)
-    gears = [of_gear for word in line.words if (of_gear := _gear(word, machine)) is not None]
+    switches, gears, rest = list[tuple[Word, int, bool]](), list[tuple[Word, int]](), list[Word]()
+    lenient: list[tuple[str, Word]] = []
+    for word in line.words:  # codes first: they are to blame before the letters that they take
+        if word.letter not in "GM":
+            if word.letter == "N" and machine.dialect == "fanuc":
+                lenient.append(("note.number_inside", word))
+            else:
+                rest.append(word)
+        elif (switch := _switch(word, machine)) is not None:
+            switches.append(switch)
+        elif (gear := _gear(word, machine)) is not None:
+            gears.append(gear)
+        else:
+            _take_code(line, own_codes.read(word, machine), codes, machine.dialect)
     if len(gears) > 1:
         before, code = (word.text for word, _ in gears[:2])
         raise line.refusal(gears[1][0], "code.two_of_a_group", before=before, code=code)
-    own = [word for word, *_ in (*switches, *gears)]
-    words = [own_codes.read(word, machine) for word in line.words] if machine.own_codes else line.words
-    for word in words:  # codes first: they are to blame before the letters that they take
-        if word.letter in "GM" and word not in own:
-            _take_code(line, word, codes, machine.dialect)
-    rest = [word for word in words if word.letter not in "GM"]
-    lenient: list[tuple[str, Word]] = []
-    if machine.dialect == "fanuc" and any(word.letter == "N" for word in rest):
-        lenient = [("note.number_inside", word) for word in rest if word.letter == "N"]
-        rest = [word for word in rest if word.letter != "N"]
     next_tool = _next_tool(rest) if "tool change" in codes and machine.dialect == "fanuc" else None
     for word in rest:
         if word is not next_tool:
             _check_letter(line, word, others, machine)
             others[word.letter] = word
-    gear = gears[0] if gears else None
-    return ParsedLine(line, codes, others, gear, switches, next_tool, machine.dialect, lenient=lenient)
+    one = gears[0] if gears else None
+    return ParsedLine(line, codes, others, one, tuple(switches), next_tool, machine.dialect, lenient=lenient)
 
 
 def _next_tool(words: list[Word]) -> Word | None:
@@ -180,14 +187,19 @@ def _named(code: Code) -> str:
 
 
 def _code(line: Line, word: Word, dialect: str) -> Code:
-    tenths = round(word.value * 10.0)
+    if (found := _row(word.letter, word.value, dialect)) is None:
+        raise _unknown(line, word, dialect)
+    if found.fate is Fate.REFUSED:
+        raise line.refusal(word, "code.not_done", **found.refused_with())
+    return found
+
+
+@lru_cache
+def _row(letter: str, value: float, dialect: str) -> Code | None:
+    """The row of a code, of which no more than tenths are written."""
+    tenths = round(value * 10.0)
     number = f"{tenths // 10}" if tenths % 10 == 0 else f"{tenths / 10:.1f}"
-    found = BY_DIALECT[dialect].get(f"{word.letter}{number}")
-    if found is not None and abs(word.value * 10.0 - tenths) < 1e-6:
-        if found.fate is Fate.REFUSED:
-            raise line.refusal(word, "code.not_done", **found.refused_with())
-        return found
-    raise _unknown(line, word, dialect)
+    return BY_DIALECT[dialect].get(f"{letter}{number}") if abs(value * 10.0 - tenths) < 1e-6 else None
 
 
 def _unknown(line: Line, word: Word, dialect: str) -> ProgramError:
@@ -206,8 +218,7 @@ def _unknown(line: Line, word: Word, dialect: str) -> ProgramError:
 
 
 def _check_letter(line: Line, word: Word, before: dict[str, Word], machine: Machine) -> None:
-    names = [axis.name for axis in machine.axes]
-    if word.letter in "ABC" and word.letter not in names:
+    if word.letter in "ABC" and word.letter not in (names := [axis.name for axis in machine.axes]):
         raise line.refusal(word, "word.no_such_axis", axes=" ".join(names))
     if word.letter == "N":
         raise line.refusal(word, "word.number_inside")

@@ -66,7 +66,7 @@ def joined(moves: Sequence[Move], machine: Machine) -> list[Motion]:
         corner = _rounded(move, way, following) if _is_round(move) else _cut(move, way, following)
         way.end, following.start = corner.start, corner.end
         if _backwards(way) or _backwards(following):
-            raise _wrong(move, "corner.no_room")
+            raise _refusal(move, "corner.no_room")
         made += [_block(move, way, machine), _joint(move, corner, machine)]
     return [*made, _block(moves[-1], found[-1], machine)]
 
@@ -75,19 +75,14 @@ def _is_round(move: Move) -> bool:
     return move.corner is not None and move.corner.letter == ROUND
 
 
-def _wrong(move: Move, key: str) -> ProgramError:
-    assert move.corner is not None
-    return move.line.refusal(move.corner, key, corner=move.corner.text)
-
-
 def _check(move: Move, after: Move) -> None:
     """Refuses a corner of no size, or of ways that do not lie in one plane of one frame."""
     if move.size_mm < 0.0:
-        raise _wrong(move, "corner.size")
+        raise _refusal(move, "corner.size")
     a, b = move.block.modal, after.block.modal
     one, two = ((m.plane, m.part, m.offset, m.length_mm, m.tilted) for m in (a, b))
     if one != two:
-        raise _wrong(move, "corner.changes")
+        raise _refusal(move, "corner.changes")
 
 
 # ---- ways in the plane; their ends are cut back
@@ -106,11 +101,11 @@ def _way(move: Move, machine: Machine) -> _Plain:
     places = [(place[first], place[second]) for place in (move.begin, move.end)]
     (x, y), (u, v) = places
     if x is None or y is None or u is None or v is None:
-        raise _of_line(move, "corner.unknown")
+        raise _refusal(move, "corner.unknown")
     still = move.begin[normal] == move.end[normal]
     turns = any(move.block.targets[i] is not None for i in machine.rotary())
     if turns or not still:
-        raise _of_line(move, "corner.leaves")
+        raise _refusal(move, "corner.leaves")
     start, end = complex(x, y), complex(u, v)
     if isinstance(move.block, JointLine):
         return _Plain(ways.line(start, end, 0.0))
@@ -122,11 +117,11 @@ def _way(move: Move, machine: Machine) -> _Plain:
             *(move.block.turns, machine.arc_tolerance_mm),
         )
     except circles.NoCircleError:
-        raise _of_line(move, "corner.unknown") from None
+        raise _refusal(move, "corner.unknown") from None
     return _Plain(ways.arc(start, end, start + complex(*centre), sense * sweep, 0.0))
 
 
-def _of_line(move: Move, key: str) -> ProgramError:
+def _refusal(move: Move, key: str) -> ProgramError:
     word = move.corner or move.line.words[0]
     return move.line.refusal(word, key, corner=word.text)
 
@@ -152,7 +147,7 @@ def _rounded(move: Move, before: _Plain, after: _Plain) -> _Corner:
     one, two, r = before.way, after.way, move.size_mm
     across = (one.out.conjugate() * two.into).imag
     if abs(across) < STRAIGHT:
-        raise _wrong(move, "corner.straight")
+        raise _refusal(move, "corner.straight")
     sense = math.copysign(1.0, across)
     beside = [_beside(way, sense * r) for way in (one, two)]
     centres = [] if None in beside else [*ways.meetings(beside[0], beside[1])]  # type: ignore[arg-type]
@@ -164,7 +159,7 @@ def _rounded(move: Move, before: _Plain, after: _Plain) -> _Corner:
         if sound and (best is None or abs(start - one.end) < abs(best.start - one.end)):
             best = _Corner(start, end, centre, sense)
     if best is None:
-        raise _wrong(move, "corner.no_room")
+        raise _refusal(move, "corner.no_room")
     return best
 
 
@@ -189,7 +184,7 @@ def _cut(move: Move, before: _Plain, after: _Plain) -> _Corner:
     start = _at(before.way, corner, far, before.way.length)
     end = _at(after.way, corner, far, 0.0)
     if start is None or end is None:
-        raise _wrong(move, "corner.no_room")
+        raise _refusal(move, "corner.no_room")
     return _Corner(start, end, None)
 
 

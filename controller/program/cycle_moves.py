@@ -83,7 +83,9 @@ class Way:
     def cut(self, height: float) -> None:
         self._go(None, None, height, self.feed)
 
-    def _go(self, x: Coordinate, y: Coordinate, height: Coordinate, feed: Coordinate) -> None:
+    def _go(
+        self, x: Coordinate, y: Coordinate, height: Coordinate, feed: Coordinate, thread: Thread | None = None
+    ) -> None:
         """To a place; a rotary of the line's words turns with the rapid over the hole."""
         machine, modal = self.here.machine, self.modal
         made = [*to_place(machine, (x, y, height), PLANES[modal.plane])]
@@ -91,17 +93,14 @@ class Way:
             for i in machine.rotary():
                 made[i] = self.targets[i]
         hole = "" if feed is None else self._hole
-        line = JointLine(self.place, modal, tuple(made), False, False, feed, feed, hole=hole)
-        self.made.append(line)
+        line = (self.place, modal, tuple(made), False, False, feed, feed)
+        self.made.append(JointLine(*line, thread=thread, hole=hole))
 
     def thread(
         self, height: float, rev_per_mm: float, begin_rev: float | None = 0.0, faster: float = 1.0
     ) -> None:
         """Along the spindle's angle; see ``Thread``."""
-        self._go(None, None, height, faster * self.feed)
-        line = self.made.pop()
-        assert isinstance(line, JointLine)
-        self.made.append(replace(line, thread=Thread(rev_per_mm, begin_rev)))
+        self._go(None, None, height, faster * self.feed, Thread(rev_per_mm, begin_rev))
 
     def wait(self, seconds: Coordinate) -> None:
         if seconds:
@@ -176,27 +175,21 @@ def thread_blocks(here: Here, code: str, word: Word) -> tuple[list[Block], State
 
 def _check_thread(here: Here, code: str, word: Word, height: str) -> None:
     ask, state = here.ask, here.state
-    beside = [letter for letter in "XYZ" if letter != height and letter in ask.words]
-    key = ""
-    if not is_rigid(here):
-        key = "thread.no_angle"
-    elif height not in ask.words:
-        key = "thread.no_height"
-    elif not state.speed_rev_min:
-        key = "thread.no_speed"
-    elif state.turning == 0 and code != "G33":
-        key = "cycle.standing"
-    elif state.modal.tip is not Tip.OFF:
-        key = "thread.tip_control"
-    elif state.side != "G40":
-        key = "cycle.beside"
-    elif beside:
-        key = "thread.beside_others"
-    elif "F" in ask.words:  # on other controls it is the pitch
-        word, key = ask.words["F"], "thread.feed"
-    if key:
-        other = beside[0] if beside else ""
-        raise ask.refusal(word, key, code=code, height=height, side=state.side, other=other)
+    other = next((letter for letter in "XYZ" if letter != height and letter in ask.words), "")
+    values = {"code": code, "height": height, "side": state.side, "other": other}
+    ask.refuse_where(
+        word,
+        (not is_rigid(here), "thread.no_angle"),
+        (height not in ask.words, "thread.no_height"),
+        (not state.speed_rev_min, "thread.no_speed"),
+        (state.turning == 0 and code != "G33", "cycle.standing"),
+        (state.modal.tip is not Tip.OFF, "thread.tip_control"),
+        (state.side != "G40", "cycle.beside"),
+        (other, "thread.beside_others"),
+        **values,
+    )
+    if "F" in ask.words:  # on other controls it is the pitch
+        raise ask.refusal(ask.words["F"], "thread.feed", **values)
 
 
 def _pitch_mm(here: Here, code: str, word: Word) -> float:

@@ -166,24 +166,20 @@ def _start(way: Way, now: float, clearance: float, level: float) -> float:
 
 
 def _check(here: Here, code: str, word: Word) -> None:
-    ask, state = here.ask, here.state
-    key, values = "", dict[str, str]()
-    if state.modal.tip is not Tip.OFF:
-        key = "cycle.tip_control"
-    elif state.inverse:
-        key = "cycle.inverse"
-    elif state.side != "G40":
-        key, values = "cycle.beside", {"side": state.side}
-    elif code in TAPS and state.turning != (1 if code == "G84" else -1):
-        key = "cycle.tap_right" if code == "G84" else "cycle.tap_left"
-    elif code in ("G76", "G86", "G87") and state.turning == 0:
-        key = "cycle.standing"
-    elif code in TAPS and here.machine.spindle is not None and here.machine.spindle.by == "hand":
-        key = "cycle.tap_by_hand"
-    elif code == "G87" and state.to_clearance:
-        key = "cycle.g87_to_clearance"
-    if key:
-        raise ask.refusal(word, key, code=code, **values)
+    state, spindle = here.state, here.machine.spindle
+    here.ask.refuse_where(
+        word,
+        (state.modal.tip is not Tip.OFF, "cycle.tip_control"),
+        (state.inverse, "cycle.inverse"),
+        (state.side != "G40", "cycle.beside"),
+        (code == "G84" and state.turning != 1, "cycle.tap_right"),
+        (code == "G74" and state.turning != -1, "cycle.tap_left"),
+        (code in ("G76", "G86", "G87") and state.turning == 0, "cycle.standing"),
+        (code in TAPS and spindle is not None and spindle.by == "hand", "cycle.tap_by_hand"),
+        (code == "G87" and state.to_clearance, "cycle.g87_to_clearance"),
+        code=code,
+        side=state.side,
+    )
     _check_along(here, code, word)
 
 

@@ -16,12 +16,10 @@ from controller.geometry.vectors import Frame
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import FIXTURES, Kind, Machine, Pair
 from controller.program import motion_words
-from controller.program.codes import SURFACES, ParsedLine
 from controller.program.modal import State
 from controller.program.offset_words import Here
 from controller.program.origins import Following, Origins, fixture_index
 from controller.program.position import Coordinate, Position
-from controller.program.program import ProgramError, Tip
 from controller.program.words import Word
 
 ON = ("G254", "G54.2")
@@ -54,34 +52,29 @@ def followed(here: Here, motion: str) -> State:
     state, following = here.state, here.state.origins.following
     if following is None:
         return state
-    if (wrong := _beside(here, motion, following)) is not None:
-        raise wrong
-    return _seen(state, _at_end(here, motion), here.machine, here.position.chain)
+    if other := here.own_frame(motion):
+        word = here.word_of(other, *ON)
+        raise here.ask.refusal(word, "following.beside", code=following.code, other=other)
+    return standing(state, _at_end(here, motion), here.machine, here.position.chain())
 
 
 def refreshed(state: State, position: Position, machine: Machine) -> State:
     """The state in which the next line is read: the origin as it lies where the rotaries stand."""
-    following = state.origins.following
-    if following is None:
-        return state
-    return _seen(state, position.rotaries, machine, position.chain)
-
-
-def standing(state: State, rotaries: Pair, machine: Machine, kinematics: Kinematics) -> State:
-    """The same with the rotaries (rad, carried) elsewhere, as after a jog."""
     if state.origins.following is None:
         return state
-    return _seen(state, rotaries, machine, lambda: kinematics)
+    return standing(state, position.rotaries, machine, position.chain())
 
 
-def _seen(state: State, rotaries: Sequence[Coordinate], machine: Machine, chain: object) -> State:
-    """With the table as it stands; where that is not known, the state says so."""
-    following = state.origins.following
-    assert following is not None and callable(chain)
+def standing(state: State, rotaries: Sequence[Coordinate], machine: Machine, kinematics: Kinematics) -> State:
+    """The state with the rotaries (rad, carried) there, as after a jog.
+
+    Where one of them is not known, neither is how the table stands, and the state says so.
+    """
+    if (following := state.origins.following) is None:
+        return state
     first, second = rotaries
     if first is None or second is None:
         return _with(state, replace(following, is_current=False), machine)
-    kinematics: Kinematics = chain()
     found = replace(following, table=table_at(machine, kinematics, (first, second)), is_current=True)
     if following.number:
         measured_at = state.origins.offset(fixture_index(following.number), machine).turned_rad
@@ -124,19 +117,3 @@ def _at_end(here: Here, motion: str) -> Sequence[Coordinate]:
         return None if q is None else q + target
 
     return [end(q, target) for q, target in zip(now, targets, strict=True)]
-
-
-def _beside(here: Here, motion: str, following: Following) -> ProgramError | None:
-    """What has its own way of following the part, or lies on it, does not stand beside this."""
-    ask: ParsedLine = here.ask
-    other = ""
-    if here.state.modal.tip is not Tip.OFF:
-        other = "G43.4" if here.state.modal.tip is Tip.ROTARIES else "G43.5"
-    elif here.state.modal.tilted or here.state.origins.waiting is not None:
-        other = "G68.2"
-    elif motion in SURFACES:
-        other = motion
-    if not other:
-        return None
-    word = next((word for code, word in ask.codes.values() if code in (other, *ON)), ask.line.words[0])
-    return ask.refusal(word, "following.beside", code=following.code, other=other)

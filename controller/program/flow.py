@@ -425,9 +425,8 @@ class Run:
         frame = self._frames[-1]
         at, number = self._behind_line(frame, line, p, p.value)
         if rounds:
-            called = Mark(0, 0, line.number, f"{p.value:g}", "M97", "", 0, False)
-            self._enter(called, frame.source, Mark(at, at, number - 1, called.label, "M97", "", 0, False))
-            self._frames[-1].by_number, self._frames[-1].rounds = True, rounds
+            called = Mark(0, 0, line.number, f"{p.value:g}", "M97")
+            self._enter_times(called, frame.source, Mark(at, at, number - 1, called.label, "M97"), rounds)
             self._parameters.enter_sharing()
 
     def _call_by_name(self, line: Line, word: Word) -> None:
@@ -438,16 +437,17 @@ class Run:
             key, values = self._missing("flow.no_file")
             raise line.refusal(word, key, label=line.file, **values)
         if rounds:
-            mark = Mark(0, 0, 0, line.file, ALONE, "", 0, False)
-            called = Mark(0, 0, line.number, line.file, "", "", 0, False, f"{word.text} ({line.file})")
-            self._enter(called, source, next(iter(source.marks.numbered.values()), mark))
-            self._frames[-1].by_number, self._frames[-1].rounds = True, rounds
+            called = Mark(0, 0, line.number, line.file, "", statement=f"{word.text} ({line.file})")
+            whole = Mark(0, 0, 0, line.file, ALONE)
+            self._enter_times(called, source, next(iter(source.marks.numbered.values()), whole), rounds)
             self._parameters.enter_sharing()
 
     def _enter_numbered(self, line: Line, word: Word, label: str, rounds: int) -> _Frame:
-        source, sub = self._numbered(line, word, label)
-        called_with = f"{word.letter}{word.value:g}"
-        self._enter(Mark(0, 0, line.number, label, called_with, "", 0, False), source, sub)
+        called = Mark(0, 0, line.number, label, f"{word.letter}{word.value:g}")
+        return self._enter_times(called, *self._numbered(line, word, label), rounds)
+
+    def _enter_times(self, called: Mark, source: Source, sub: Mark, rounds: int) -> _Frame:
+        self._enter(called, source, sub)
         frame = self._frames[-1]
         frame.by_number, frame.rounds = True, rounds
         return frame
@@ -459,7 +459,7 @@ class Run:
             if source is not None and (sub := source.marks.numbered.get(label)) is not None:
                 return source, sub
         if (source := self._file(label)) is not None and not source.marks.subs:
-            return source, Mark(0, 0, 0, label, ALONE, "", 0, False)  # a file without its number
+            return source, Mark(0, 0, 0, label, ALONE)  # a file without its number
         if label in here.marks.subs or label in self._main.marks.subs:
             raise line.refusal(word, "flow.called_by_o", label=label)
         key, values = self._missing("flow.no_number")
@@ -470,7 +470,7 @@ class Run:
         frame, p = self._frames[-1], next((w for w in line.words if w.letter == "P"), None)
         p = p if self._parameters.of_fanuc else None
         if len(self._frames) == 1 and p is not None:
-            self._count(Mark(0, 0, line.number, f"{p.value:g}", "M99", "", 0, False))
+            self._count(Mark(0, 0, line.number, f"{p.value:g}", "M99"))
             frame.at, frame.number = self._behind_line(frame, line, p, p.value)
             return
         if len(self._frames) == 1:
@@ -511,9 +511,8 @@ class Run:
             frame = self._enter_numbered(line, call, label, 1)
             frame.values = values
         else:
-            mark = Mark(0, 0, line.number, label, "call", "", 0, False, call.text, call.column)
-            source, sub = self._found(mark, label)
-            self._enter(mark, source, sub)
+            mark = Mark(0, 0, line.number, label, "call", statement=call.text, column=call.column)
+            self._enter(mark, *self._found(mark, label))
         self._parameters.enter_macro(values)
 
     # ---- macros

@@ -136,21 +136,15 @@ class Given:
     def _in_part(self, letter: str) -> float | None:
         """Of a linear axis in mm, of a rotary in degrees as shown."""
         if letter not in "xyz":
-            return self._rotary(letter)
+            return self._joint(letter, self.state.modal.turned_rad)
         return self.position.in_frame(self.state.modal)["xyz".index(letter)]
 
-    def _rotary(self, letter: str) -> float | None:
-        rotary, joints = self._machine.rotary(), self.position.joints()
-        for i, shift in zip(rotary, self.state.modal.turned_rad, strict=False):
-            q, axis = joints[i], self._machine.axes[i]
+    def _joint(self, letter: str, shifts: Sequence[float] = ()) -> float | None:
+        """Of the machine, or less the ``shifts`` of the rotaries; linear axes in mm, rotaries as shown."""
+        off = dict(zip(self._machine.rotary(), shifts, strict=False))
+        for i, (axis, q) in enumerate(zip(self._machine.axes, self.position.joints(), strict=True)):
             if axis.name == letter.upper() and q is not None:
-                return (q - shift) * axis.shown_per_unit
-        return None
-
-    def _joint(self, letter: str) -> float | None:
-        for axis, value in zip(self._machine.axes, self.position.joints(), strict=True):
-            if axis.name == letter.upper() and value is not None:
-                return value * axis.shown_per_unit
+                return (q - off.get(i, 0.0)) * axis.shown_per_unit
         return None
 
     def _of_machine(self, letter: str, key: Name) -> float:

@@ -115,6 +115,18 @@ class Where:
     calls: Callers
 
 
+class Asides(NamedTuple):
+    """What stands aside of the words of a line."""
+
+    message: str = ""  # to the operator, before the words
+    notes: Sequence[Message] = ()  # what ``check`` is to tell of it
+    changes: Sequence[Change] = ()  # that its settings make for good
+    kept: Mapping[int, float] = MappingProxyType({})  # parameters that it sets for good
+
+
+NOTHING_ASIDE = Asides()
+
+
 class Line:
     """The words of one text line, N and parameter settings taken off.
 
@@ -122,10 +134,7 @@ class Line:
     text, name and number.
     """
 
-    __slots__ = (
-        *("_match", "_scan", "_words", "changes", "file", "kept", "message", "name", "notes", "number"),
-        "where",
-    )
+    __slots__ = ("_match", "_scan", "_words", "asides", "file", "name", "number", "where")
 
     def __init__(
         self,
@@ -137,11 +146,8 @@ class Line:
     ) -> None:
         self.name, self.number = name, number
         self.where: Where | None = None  # None: lines are carried out as they stand
-        self.message = ""  # to the operator, before the words
+        self.asides = NOTHING_ASIDE
         self.file = ""  # that M98 calls by its name
-        self.notes: Sequence[Message] = ()  # what ``check`` is to tell of it
-        self.changes: tuple[Change, ...] = ()  # that its settings make for good
-        self.kept: Mapping[int, float] = {}  # parameters that it sets for good
         self._words, self._match, self._scan = words, match, scan
 
     @property
@@ -176,7 +182,7 @@ class Line:
     @property
     def says(self) -> bool:
         """Whether something stands aside of its words."""
-        return bool(self.message or self.kept or self.notes or self.changes)
+        return any(self.asides)
 
     @property
     def sub(self) -> int:
@@ -191,8 +197,7 @@ class Line:
     def with_words(self, words: tuple[Word, ...]) -> Line:
         """The same line with other words."""
         made = Line(self.name, self.number, words)
-        made.where, made.message, made.kept, made.file = self.where, self.message, self.kept, self.file
-        made.notes, made.changes = self.notes, self.changes
+        made.where, made.asides, made.file = self.where, self.asides, self.file
         return made
 
     def place_of(self, part: int) -> Place:

@@ -26,6 +26,7 @@ from controller.program import own_codes
 from controller.program.source_text import Bytes
 
 MAX_FILES = 200
+MAX_BYTES = 1 << 30  # of a program
 SHIPPED = Path(__file__).resolve().parents[2] / "config" / "programs" / "probing"
 SUFFIXES = (".ngc", ".nc", ".tap", ".cnc", ".txt", ".h", "")  # of files of subs, the first that is there
 
@@ -107,7 +108,7 @@ def _of_folder(folder: Path) -> Find:
         return among({})
 
 
-def among(files: Mapping[str, Path]) -> Find:
+def among(files: Mapping[str, Path], read: Callable[[Path], bytes] = Path.read_bytes) -> Find:
     """Finds files of subs among these, by name: ``name.ngc``, or for a number ``1000.ngc`` and ``O1000``."""
     by_label: dict[str, dict[str, str]] = {}
     for name in files:
@@ -120,7 +121,7 @@ def among(files: Mapping[str, Path]) -> Find:
         name = next((there[suffix] for suffix in SUFFIXES if suffix in there), None)
         if name is None or not files[name].is_file():
             return None
-        return name, files[name].read_bytes()
+        return name, read(files[name])
 
     return find
 

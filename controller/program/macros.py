@@ -43,16 +43,13 @@ _NUMBER = re.compile(rf"[ \t]*([0-9]+)[{GAPS}]*$")
 # A pattern for each letter: one that begins with a letter is looked for at a run.
 _SIGNS = [
     re.compile(sign)
-    for sign in (
+    for form in (
         rb"W[hH](?:[iI][lL][eE])?[ \t]*\[",
-        rb"w[hH](?:[iI][lL][eE])?[ \t]*\[",
         rb"G[oO](?:[tT][oO])?[ \t]*[0-9#\[]",
-        rb"g[oO](?:[tT][oO])?[ \t]*[0-9#\[]",
         rb"I[fF][ \t]*\[",
-        rb"i[fF][ \t]*\[",
         rb"D[oO][ \t]*[0-9]",
-        rb"d[oO][ \t]*[0-9]",
     )
+    for sign in (form, form[:1].lower() + form[1:])
 ]
 
 

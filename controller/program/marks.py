@@ -68,9 +68,9 @@ class Mark:
     number: int  # of the line, from 1
     label: str
     keyword: str
-    text: str  # the line in small letters, its comments blanked
-    rest: int  # where what follows the keyword (the label, if computed) begins in it
-    deleted: bool  # it begins with /
+    text: str = ""  # the line in small letters, its comments blanked
+    rest: int = 0  # where what follows the keyword (the label, if computed) begins in it
+    deleted: bool = False  # it begins with /
     statement: str = ""  # as written, of one that is no O-word (``macros``)
     column: int = 0  # of it
     parts: list[Mark] = field(default_factory=list)  # of the structure it belongs to, in order, itself too

@@ -114,6 +114,13 @@ class State(NamedTuple):
         """A tool of the table, as G10 has changed it, its wear beside its size."""
         return self.tools.get(number) or machine.table_tool(number)
 
+    def with_table_tool(self, tool: Tool, machine: Machine) -> State:
+        """The state with a tool of the table changed."""
+        state = self._replace(tools=MappingProxyType({**self.tools, tool.number: tool}))
+        if self.modal.tool != tool.number:
+            return state
+        return state._replace(modal=state.with_tool(tool.number, machine))
+
     def tool(self, number: int, machine: Machine) -> Tool | None:
         """The same as it is cut with: worn."""
         found = self.table_tool(number, machine)

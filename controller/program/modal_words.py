@@ -146,8 +146,7 @@ class _Settings:
         if word.value > self._spindle_of(word).max_rev_min:
             raise self.ask.refusal(word, "spindle.too_fast", most=self._spindle_of(word).max_rev_min)
         self.state = self.state._replace(speed_rev_min=self.ask.not_negative(word))
-        if self.state.turning and "spindle" not in self.ask.codes and "tool change" not in self.ask.codes:
-            self._turn_spindle(self.state.turning, word)
+        self._turn_on(word)
 
     def _select_tool(self) -> None:
         """T0 is no tool: M6 empties the spindle."""
@@ -271,6 +270,10 @@ class _Settings:
             return
         word, gear = self.ask.gear
         self._shift(gear, word)
+        self._turn_on(word)
+
+    def _turn_on(self, word: Word) -> None:
+        """A spindle that turns does so as the state has it now, where no code of the line says another."""
         if self.state.turning and "spindle" not in self.ask.codes and "tool change" not in self.ask.codes:
             self._turn_spindle(self.state.turning, word)
 
@@ -339,15 +342,13 @@ class _Settings:
         times = [given[letter] for letter in "PXU" if letter in given]
         if "U" in given:
             self.ask.lenient.append(("note.dwell_u", given["U"]))
-        if not times and (other := self.ask.words.get("X")) is not None:
-            raise self.ask.refusal(other, "dwell.no_time_of_x")
         if not times:
-            raise self.ask.refusal(word, "dwell.no_time")
+            other = self.ask.words.get("X")
+            raise self.ask.refusal(other or word, "dwell.no_time_of_x" if other else "dwell.no_time")
         if len(times) > 1:
             raise self.ask.refusal(times[1], "dwell.two_times", other=times[0].text)
-        self.made.append(
-            Dwell(self.ask.place(word), self.state.modal, dwell_s(self.ask, times[0], self._machine))
-        )
+        seconds = dwell_s(self.ask, times[0], self._machine)
+        self.made.append(Dwell(self.ask.place(word), self.state.modal, seconds))
 
     def _side(self) -> None:
         if code := self.ask.code("side"):
@@ -506,19 +507,13 @@ FEED_STOP = "feed_stop"  # the input of M53
 def overrides_after(ask: ParsedLine, modal: Modal, machine: Machine) -> Modal:
     """The modal state after the line's code of the group. Raises ProgramError."""
     code, word = ask.codes["overrides"]
-    if code in ("M48", "M49"):
-        return replace(modal, overrides=modal.overrides._replace(feed=code == "M48"))
-    on = _is_on(ask, code)
-    if code == "M50":
-        return replace(modal, overrides=modal.overrides._replace(feed=on))
-    if code == "M52":
-        if on and (machine.spindle is None or machine.spindle.adaptive is None):
-            raise ask.refusal(word, "override.adaptive")
-        return replace(modal, overrides=modal.overrides._replace(adaptive=on))
-    if code == "M53":
-        _check_input(ask, machine, on)
-        return replace(modal, overrides=modal.overrides._replace(stop=on))
-    return modal
+    on = code == "M48" if code in ("M48", "M49") else _is_on(ask, code)
+    if code == "M52" and on and (machine.spindle is None or machine.spindle.adaptive is None):
+        raise ask.refusal(word, "override.adaptive")
+    if code == "M53" and on and (machine.io is None or machine.io.input(FEED_STOP) is None):
+        raise ask.refusal(word, "override.no_feed_stop", input=FEED_STOP)
+    name = {"M51": "", "M52": "adaptive", "M53": "stop"}.get(code, "feed")
+    return replace(modal, overrides=modal.overrides._replace(**{name: on})) if name else modal
 
 
 def _is_on(ask: ParsedLine, code: str) -> bool:
@@ -527,8 +522,3 @@ def _is_on(ask: ParsedLine, code: str) -> bool:
     if p is not None and p.value not in (0.0, 1.0):
         raise ask.refusal(p, "override.on_or_off", code=code)
     return p is None or p.value == 1.0
-
-
-def _check_input(ask: ParsedLine, machine: Machine, on: bool) -> None:
-    if on and (machine.io is None or machine.io.input(FEED_STOP) is None):
-        raise ask.refusal(ask.codes["overrides"][1], "override.no_feed_stop", input=FEED_STOP)

@@ -19,7 +19,6 @@ from controller.program.program import (
     JointArc,
     JointLine,
     Probing,
-    ProgramError,
     Targets,
     Tip,
     TipLine,
@@ -107,33 +106,29 @@ AWAY, MUST = ("G38.4", "G38.5"), ("G38.2", "G38.4")
 
 def probing_line(here: Here, code: str, word: Word) -> JointLine | TipLine:
     """The line of a probing move, the rotaries standing. Raises ProgramError."""
-    if (wrong := _no_probing(here, code, word)) is not None:
-        raise wrong
+    _check_probing(here, code, word)
     made = line(here, "G1", word)
     return replace(made, probe=Probing(code, code in AWAY, code in MUST))
 
 
-def _no_probing(here: Here, code: str, word: Word) -> ProgramError | None:
-    """Why this line cannot be probed along."""
+def _check_probing(here: Here, code: str, word: Word) -> None:
+    """Whether this line can be probed along. Raises ProgramError."""
     ask, modal, machine = here.ask, here.state.modal, here.machine
-    sensor = machine.sensor(modal.tool)
-    rotaries = [axis.name for axis in machine.axes if axis.is_rotary and axis.name in ask.words]
-    key, values = "", dict[str, object]()
+    sensor, probe = machine.sensor(modal.tool), machine.probe
     if sensor is None:
-        number = None if machine.probe is None else machine.probe.tool
-        known = Key("probe.is_none") if number is None else message("probe.is_tool", number=number)
-        key, values = "probe.none", {"tool": modal.tool, "known": known}
-    elif rotaries:
-        key, word = "probe.turns", ask.words[rotaries[0]]
-    elif not ask.has("XYZ"):
-        key = "probe.no_way"
-    elif modal.planar is not None:
-        key = "probe.beside"
-    elif here.state.inverse:
-        key = "probe.inverse"
-    elif modal.spindle_rev_min and sensor is machine.probe:
-        key = "probe.spindle"
-    return ask.refusal(word, key, code=code, **values) if key else None
+        known = Key("probe.is_none") if probe is None else message("probe.is_tool", number=probe.tool)
+        raise ask.refusal(word, "probe.none", code=code, tool=modal.tool, known=known)
+    for axis in machine.axes:
+        if axis.is_rotary and axis.name in ask.words:
+            raise ask.refusal(ask.words[axis.name], "probe.turns", code=code)
+    ask.refuse_where(
+        word,
+        (not ask.has("XYZ"), "probe.no_way"),
+        (modal.planar is not None, "probe.beside"),
+        (here.state.inverse, "probe.inverse"),
+        (modal.spindle_rev_min and sensor is probe, "probe.spindle"),
+        code=code,
+    )
 
 
 MAX_TURNS = 1000  # of one arc
@@ -146,8 +141,7 @@ def arc(here: Here, motion: str, word: Word) -> JointArc:
     """The arc of a line under G2 or G3 (``motion``, or the first word that it takes)."""
     ask, state = here.ask, here.state
     if state.modal.tip is not Tip.OFF:
-        code = "G43.4" if state.modal.tip is Tip.ROTARIES else "G43.5"
-        raise ask.refusal(word, "arc.turning_axis", motion=motion, code=code)
+        raise ask.refusal(word, "arc.turning_axis", motion=motion, code=state.modal.tip.code)
     time = state.time(ask, motion, word)
     centre, radius = _centre(here, motion, word)
     return JointArc(

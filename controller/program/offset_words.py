@@ -26,7 +26,7 @@ from controller.program.codes import SURFACES, ParsedLine
 from controller.program.modal import State, tool_list
 from controller.program.origins import NONE, Mirror, Origins, about, fixture_index, turned_about_z, within
 from controller.program.position import Coordinate, Position
-from controller.program.program import ProgramError, Tip
+from controller.program.program import Tip
 from controller.program.words import Word
 
 NORMALS = MappingProxyType({"G17": Z, "G18": Y, "G19": X})
@@ -46,6 +46,19 @@ class Here(NamedTuple):
         if any(value is None for value in values):
             raise self.ask.refusal(word, "position.unknown", what=what)
         return tuple(value for value in values if value is not None)
+
+    def own_frame(self, motion: str) -> str:
+        """The code by which X Y Z, or a ``motion``, are of the part in a way of their own; "": none is."""
+        modal = self.state.modal
+        if modal.tip is not Tip.OFF:
+            return modal.tip.code
+        tilted = modal.tilted or self.state.origins.waiting is not None
+        return "G68.2" if tilted else motion if motion in SURFACES else ""
+
+    def word_of(self, *codes: str) -> Word:
+        """The word of one of these codes, or the first of the line."""
+        named = (word for code, word in self.ask.codes.values() if code in codes)
+        return next(named, self.ask.line.words[0])
 
     def length_mm(self, letter: str) -> float | None:
         word = self.ask.words.get(letter)
@@ -185,13 +198,8 @@ def _offset_after(
     here: Here, before: Offset, xyz: Sequence[Coordinate], rotary: Sequence[Coordinate]
 ) -> Offset:
     distances = here.machine.dialect == "fanuc" and not here.state.absolute
-
-    def shifted(old: Sequence[float], words: Sequence[Coordinate]) -> list[float]:
-        base = old if distances else [0.0] * len(old)
-        return [q if w is None else b + w for q, b, w in zip(old, base, words, strict=True)]
-
-    x, y, z = shifted(before.frame.origin, xyz)
-    a, b = shifted(before.turned_rad, rotary)
+    x, y, z = _laid(before.frame.origin, xyz, distances)
+    a, b = _laid(before.turned_rad, rotary, distances)
     return Offset(before.frame._replace(origin=(x, y, z)), (a, b))
 
 
@@ -217,22 +225,21 @@ def _set_tool(here: Here, what: int, number: int) -> State:
         word = here.ask.words["P"]
         raise here.ask.refusal(word, "tool.unknown_here", tools=tool_list(here.machine))
     changed = (_fanuc_tool if what in _FANUC_TOOL and fanuc else _tool)(here, what, tool)
-    _check_tool(here, changed)
-    state = here.state._replace(tools=MappingProxyType({**here.state.tools, number: changed}))
-    if state.modal.tool == number:
-        state = state._replace(modal=state.with_tool(number, here.machine))
-    return state
+    here.ask.refuse_where(
+        here.ask.words.get("R", here.ask.words["P"]),
+        (changed.radius_mm <= 0.0, "tool.no_radius"),
+        (not is_sound(changed), "tool.no_wear"),
+        least=-MAX_WEAR_MM,
+        most=MAX_WEAR_MM,
+    )
+    return here.state.with_table_tool(changed, here.machine)
 
 
-def _check_tool(here: Here, tool: Tool) -> None:
-    """As the tool table would."""
-    word = here.ask.words.get("R", here.ask.words["P"])
-    if tool.radius_mm <= 0.0:
-        raise here.ask.refusal(word, "tool.no_radius")
-    least_mm = min(MAX_WEAR_MM, 0.5 * tool.radius_mm)
-    worn = -least_mm <= tool.wear_radius_mm <= MAX_WEAR_MM and abs(tool.wear_length_mm) <= MAX_WEAR_MM
-    if not worn:
-        raise here.ask.refusal(word, "tool.no_wear", least=-MAX_WEAR_MM, most=MAX_WEAR_MM)
+def is_sound(tool: Tool) -> bool:
+    """As the tool table has it."""
+    least = min(MAX_WEAR_MM, 0.5 * tool.radius_mm)
+    worn = -least <= tool.wear_radius_mm <= MAX_WEAR_MM and abs(tool.wear_length_mm) <= MAX_WEAR_MM
+    return tool.radius_mm > 0.0 and worn
 
 
 def _tool(here: Here, what: int, tool: Tool) -> Tool:
@@ -339,27 +346,11 @@ def mirrored(here: Here) -> State:
 
 def check_mirrored(here: Here, motion: str) -> None:
     """Refuses what has no mirrored meaning. Raises ProgramError."""
-    state, once = here.state, here.ask.code("one-line")
-    other = ""
-    if state.modal.tip is not Tip.OFF:
-        other = "G43.4" if state.modal.tip is Tip.ROTARIES else "G43.5"
-    elif state.modal.tilted or state.origins.waiting is not None:
-        other = "G68.2"
-    elif motion in SURFACES:
-        other = motion
-    elif once == "G92" or here.ask.code("motion") == "G52":
+    once, other = here.ask.code("one-line"), here.own_frame(motion)
+    if not other and (once == "G92" or here.ask.code("motion") == "G52"):
         other = once or "G52"
-    elif once == "G10":
-        other = "G10 L20" if here.ask.words["L"].value in (20.0, 120.0) and not _is_plain(here) else ""
+    elif not other and once == "G10" and here.ask.words["L"].value in (20.0, 120.0):
+        by_values = here.machine.dialect == "fanuc" and here.ask.words["L"].value == 20.0  # of G54.1
+        other = "" if by_values else "G10 L20"
     if other:
-        raise _beside_mirror(here, other)
-
-
-def _is_plain(here: Here) -> bool:
-    """Whether L20 sets an offset by its values (Fanuc's G54.1), and not by where the tool stands."""
-    return here.machine.dialect == "fanuc" and here.ask.words["L"].value == 20.0
-
-
-def _beside_mirror(here: Here, other: str) -> ProgramError:
-    named = (word for code, word in here.ask.codes.values() if code in (other, "G51.1"))
-    return here.ask.refusal(next(named, here.ask.line.words[0]), "mirror.beside", other=other)
+        raise here.ask.refusal(here.word_of(other, "G51.1"), "mirror.beside", other=other)

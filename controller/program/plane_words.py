@@ -164,20 +164,16 @@ def _taken(here: Here, frame: Frame) -> State:
 
 def _check_state(here: Here, code: str, word: Word) -> None:
     """Whether a plane may be defined in this state."""
-    origins, rs274 = here.state.origins, here.machine.dialect == "rs274"
-    key = ""
-    if origins.aside != (0.0, 0.0):
-        raise here.ask.refusal(word, "tool.aside", code=code)
-    if code == "G68.4" and origins.plane is None:
-        key = "plane.none_rs274" if rs274 else "plane.none"
-    elif code != "G68.4" and origins.turn is not None:
-        key = "plane.turned"
-    elif rs274 and origins.waiting is not None:
-        key = "plane.waiting"
-    elif rs274 and code != "G68.4" and origins.plane is not None:
-        key = "plane.in_a_plane"
-    if key:
-        raise here.ask.refusal(word, key, code=code)
+    origins, rs274, first = here.state.origins, here.machine.dialect == "rs274", code != "G68.4"
+    here.ask.refuse_where(
+        word,
+        (origins.aside != (0.0, 0.0), "tool.aside"),
+        (not first and origins.plane is None, "plane.none_rs274" if rs274 else "plane.none"),
+        (first and origins.turn is not None, "plane.turned"),
+        (rs274 and origins.waiting is not None, "plane.waiting"),
+        (rs274 and first and origins.plane is not None, "plane.in_a_plane"),
+        code=code,
+    )
 
 
 # ---- words ---------------------------------------------------------------------------

@@ -19,7 +19,7 @@ from controller.program import planar_words
 from controller.program.motion_words import PLANES, to_place
 from controller.program.offset_words import Here
 from controller.program.position import Coordinate
-from controller.program.program import Block, JointArc, JointLine, Targets, Tip
+from controller.program.program import Block, JointArc, JointLine, Tip
 from controller.program.words import Word
 
 CODES = ("G12", "G13")
@@ -30,25 +30,44 @@ def blocks(here: Here, code: str, word: Word) -> list[Block]:
     """The moves of a pocket. Raises ProgramError."""
     _check(here, code, word)
     radii, feed = _radii(here, code, word), here.state.feed(here.ask, code, word)
-    way = _Way(here, code, word, feed)
-    made: list[Block] = [*way.to_the_middle()]
+    place, modal, machine = here.ask.place(word), here.state.modal, here.machine
+
+    def line(x: Coordinate, y: Coordinate, z: Coordinate, feed: float | None) -> Block:
+        """As the line counts it; without a feed at rapid."""
+        targets = to_place(machine, (x, y, z))
+        return JointLine(place, modal, targets, not here.state.absolute, False, feed, feed)
+
+    def arc(dx: float, i: float) -> Block:
+        """An arc by distances; without any a whole circle."""
+        plane, targets = PLANES["G17"], to_place(machine, (dx, 0.0, None))
+        return JointArc(place, modal, plane, code == "G12", targets, True, (i, 0.0), None, 1, feed)
+
+    x, y, _ = here.lengths_mm()
+    made = [] if x is None and y is None else [line(x, y, None, None)]  # to the middle
     for depth in _depths(here, code, word, len(radii)):
-        made += [*way.down(depth), *way.around(radii)]
+        if depth is not None:
+            made.append(line(None, None, depth, feed))
+        # Out, round and on, and back to the middle; the side changes with each half circle.
+        at = radii[0]
+        made.append(arc(at, at / 2.0))
+        for following in (*radii[1:], 0.0):
+            end = -math.copysign(following, at)
+            made += [arc(0.0, -at), arc(end - at, (end - at) / 2.0)]
+            at = end
     return made
 
 
 def _check(here: Here, code: str, word: Word) -> None:
-    state, key = here.state, ""
-    if state.modal.tip is not Tip.OFF:
-        key = "cycle.tip_control"
-    elif state.inverse:
-        key = "cycle.inverse"
-    elif state.modal.plane != "G17":
-        key = "pocket.plane"
-    elif state.side != "G40":
-        key = "cycle.beside"
-    if key:
-        raise here.ask.refusal(word, key, code=code, side=state.side)
+    state = here.state
+    here.ask.refuse_where(
+        word,
+        (state.modal.tip is not Tip.OFF, "cycle.tip_control"),
+        (state.inverse, "cycle.inverse"),
+        (state.modal.plane != "G17", "pocket.plane"),
+        (state.side != "G40", "cycle.beside"),
+        code=code,
+        side=state.side,
+    )
 
 
 def _radii(here: Here, code: str, word: Word) -> list[float]:
@@ -79,50 +98,3 @@ def _depths(here: Here, code: str, word: Word, circles: int) -> list[float | Non
     if times * circles > MAX_CIRCLES:
         raise here.ask.refusal(given or word, "pocket.too_many", code=code, most=MAX_CIRCLES)
     return [here.length_mm("Z")] * times
-
-
-class _Way:
-    """Makes the blocks of one line."""
-
-    def __init__(self, here: Here, code: str, word: Word, feed: float) -> None:
-        self._here, self._feed = here, feed
-        self._clockwise = code == "G12"
-        self._place, self._modal = here.ask.place(word), here.state.modal
-
-    def _targets(self, x: Coordinate, y: Coordinate, z: Coordinate) -> Targets:
-        return to_place(self._here.machine, (x, y, z))
-
-    def to_the_middle(self) -> list[Block]:
-        """By X and Y of the line, at rapid."""
-        x, y = self._here.length_mm("X"), self._here.length_mm("Y")
-        if x is None and y is None:
-            return []
-        relative = not self._here.state.absolute
-        return [JointLine(self._place, self._modal, self._targets(x, y, None), relative, False, None, None)]
-
-    def down(self, z: Coordinate) -> list[Block]:
-        if z is None:
-            return []
-        relative, targets = not self._here.state.absolute, self._targets(None, None, z)
-        return [JointLine(self._place, self._modal, targets, relative, False, self._feed, self._feed)]
-
-    def around(self, radii: list[float]) -> list[Block]:
-        """Out, round and on, and back to the middle; the side changes with each half circle."""
-        made, x = [self._half(radii[0])], radii[0]
-        for following in (*radii[1:], 0.0):
-            made.append(self._arc(0.0, -x, 0.0))
-            end = -math.copysign(following, x)
-            made.append(self._half(end - x))
-            x = end
-        return made
-
-    def _half(self, dx: float) -> Block:
-        return self._arc(dx, dx / 2.0, 0.0)
-
-    def _arc(self, dx: float, i: float, j: float) -> Block:
-        """An arc by distances; without any a whole circle."""
-        targets = self._targets(dx, 0.0, None)
-        centre, feed = (i, j), self._feed
-        return JointArc(
-            *(self._place, self._modal, PLANES["G17"], self._clockwise, targets, True, centre, None, 1, feed)
-        )

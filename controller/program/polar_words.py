@@ -31,9 +31,8 @@ def cartesian(ask: ParsedLine, state: State, position: Position, machine: Machin
         return ask
     word = ask.words.get("@") or ask.words["^"]
     _check(ask, word, ask.code("plane") or state.modal.plane, machine)
-    state = _in_unit(ask, state)
-    absolute = {"G90": True, "G91": False}.get(ask.code("distance"), state.absolute)
-    here = Here(ask, state, position, machine)
+    state = _under(ask, state)
+    here, absolute = Here(ask, state, position, machine), state.absolute
     distance, angle = here.length_mm("@"), ask.words["^"].value if "^" in ask.words else None
     if absolute and distance is not None and angle is not None:
         x, y = _at(distance, math.radians(angle))
@@ -63,14 +62,14 @@ def programmed(
         return ask, state._replace(polar=None)
     plane = ask.code("plane") or state.modal.plane
     names = ["XYZ"[i] for i in PLANES[plane][:2]]
-    here = Here(ask, _in_unit(ask, state), position, machine)
+    here = Here(ask, _under(ask, state), position, machine)
     if state.polar is None or plane != state.modal.plane:
         a, b = here.known(ask.line.words[0], _in_plane(here, plane), Key("position.polar"))
         state = state._replace(polar=(0.0, 0.0, math.hypot(a, b), math.atan2(b, a)))
     taken = ask.code("one-line") in _NOT_POLAR or "rotation" in ask.codes or "mirror" in ask.codes
     if taken or ask.code("motion") in SURFACES or not ask.has("".join(names)):
         return ask, state
-    absolute = {"G90": True, "G91": False}.get(ask.code("distance"), state.absolute)
+    absolute = here.state.absolute
     begin = here.known(ask.line.words[0], _in_plane(here, plane), Key("position.polar"))
     radius_mm, turn = here.length_mm(names[0]), ask.words.get(names[1])
     assert state.polar is not None
@@ -92,10 +91,11 @@ def programmed(
     return made, state._replace(polar=(pole[0], pole[1], radius, angle))
 
 
-def _in_unit(ask: ParsedLine, state: State) -> State:
-    if "unit" not in ask.codes:
-        return state
-    return state._replace(mm_per_unit=25.4 if ask.code("unit") in INCHES else 1.0)
+def _under(ask: ParsedLine, state: State) -> State:
+    """The state with the unit and the distances of the line."""
+    absolute = {"G90": True, "G91": False}.get(ask.code("distance"), state.absolute)
+    unit = (25.4 if ask.code("unit") in INCHES else 1.0) if "unit" in ask.codes else state.mm_per_unit
+    return state._replace(mm_per_unit=unit, absolute=absolute)
 
 
 def _in_plane(here: Here, plane: str) -> Sequence[Coordinate]:
@@ -119,17 +119,15 @@ def _at(distance: float, angle: float) -> tuple[float, float]:
 
 
 def _check(ask: ParsedLine, word: Word, plane: str, machine: Machine) -> None:
-    key = ""
-    if machine.dialect != "rs274":
-        key = "polar.dialect"
-    elif ask.has("XY"):
-        key = "polar.beside_xy"
-    elif "one-line" in ask.codes and ask.code("one-line") != "G53":
-        key = "polar.beside_code"
-    elif plane != "G17":
-        key = "polar.plane"
-    if key:
-        raise ask.refusal(word, key, code=ask.code("one-line"), plane=plane)
+    code = ask.code("one-line")
+    ask.refuse_where(
+        word,
+        (machine.dialect != "rs274", "polar.dialect"),
+        (ask.has("XY"), "polar.beside_xy"),
+        (code not in ("", "G53"), "polar.beside_code"),
+        (plane != "G17", "polar.plane"),
+        **{"code": code, "plane": plane},
+    )
 
 
 def _with(ask: ParsedLine, word: Word, end: tuple[float, float], mm_per_unit: float) -> ParsedLine:

@@ -140,6 +140,11 @@ class Tip(Enum):
     ROTARIES = 1  # G43.4: the tool tip in the part frame; words of the rotary axes
     VECTORS = 2  # G43.5: the tool tip in the part frame; I J K along the tool axis
 
+    @property
+    def code(self) -> str:
+        """The one that switches it on."""
+        return ("G49", "G43.4", "G43.5")[self.value]
+
 
 class Outputs(NamedTuple):
     """What the program has said of outputs so far: bit n is P of M62 to M65; of analogue ones E and Q."""

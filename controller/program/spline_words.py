@@ -57,18 +57,15 @@ def curve(here: Here, motion: str, word: Word, lines: Iterator[Line]) -> tuple[J
 
 def _check(here: Here, motion: str, word: Word) -> None:
     """Refuses a curve in a state that has none."""
-    modal = here.state.modal
-    key = ""
-    if motion == "G5.3":
-        key = "curve.end_alone"
-    elif modal.plane != "G17":
-        key = "curve.plane"
-    elif here.state.side != "G40":
-        key = "curve.beside"
-    elif modal.tip is not Tip.OFF:
-        key = "curve.tip_control"
-    if key:
-        raise here.ask.refusal(word, key, motion=motion, plane=modal.plane, side=here.state.side)
+    modal, side = here.state.modal, here.state.side
+    here.ask.refuse_where(
+        word,
+        (motion == "G5.3", "curve.end_alone"),
+        (modal.plane != "G17", "curve.plane"),
+        (side != "G40", "curve.beside"),
+        (modal.tip is not Tip.OFF, "curve.tip_control"),
+        **{"motion": motion, "plane": modal.plane, "side": side},
+    )
 
 
 def _both(here: Here, word: Word, pair: str, what: str) -> tuple[float, float]:

@@ -27,12 +27,12 @@ from typing import Any, NamedTuple
 
 from controller.geometry.vectors import Vector
 from controller.machine.changes import Change
-from controller.machine.model import MAX_WEAR_MM, OFFSETS, Machine, Offset, Tool
+from controller.machine.model import MAX_WEAR_MM, OFFSETS, Machine, Offset
 from controller.messages import Message, message
 from controller.program import carried
 from controller.program.given import LETTERS, Given
 from controller.program.modal import State
-from controller.program.offset_words import with_radius
+from controller.program.offset_words import is_sound, with_radius
 from controller.program.origins import fixture_index
 from controller.program.parameters import ALARM, STOP, NoValue
 
@@ -252,25 +252,14 @@ class SystemVariables:
         worn = field.name.startswith("wear")
         values: dict[str, Any] = {field.name: written}
         changed = with_radius(tool, written) if field.name == "radius_mm" else replace(tool, **values)
-        if not _is_sound(changed):
+        if not is_sound(changed):
             most = MAX_WEAR_MM if worn else 0.0
             raise NoValue("value.system_wear" if worn else "value.system_radius", number=key, most=most)
-        tools = MappingProxyType({**state.tools, number: changed})
-        state = state._replace(tools=tools)
-        if state.modal.tool == number:
-            state = state._replace(modal=state.with_tool(number, self._machine))
-        self._take(state)
+        self._take(state.with_table_tool(changed, self._machine))
 
     def _take(self, state: State) -> None:
         self.changes += carried.changes_between(self._given.state, state)
         self._given.state = state
-
-
-def _is_sound(tool: Tool) -> bool:
-    """As the tool table has it."""
-    least = min(MAX_WEAR_MM, 0.5 * tool.radius_mm)
-    worn = -least <= tool.wear_radius_mm <= MAX_WEAR_MM and abs(tool.wear_length_mm) <= MAX_WEAR_MM
-    return tool.radius_mm > 0.0 and worn
 
 
 # ---- modal codes and words, as B-64484EN counts their groups

@@ -15,7 +15,19 @@ from controller.messages import message
 from controller.program import foreign, linked, macros, marks, own_codes
 from controller.program.expressions import ARITHMETIC, GAPS, NOTHING, Values
 from controller.program.flow import Limits, Run, Source
-from controller.program.line import COMMON, MAX_RUN, SIMPLE, CommonRun, Line, Other, Rows, Word, simple
+from controller.program.line import (
+    COMMON,
+    MAX_RUN,
+    NOTHING_ASIDE,
+    SIMPLE,
+    Asides,
+    CommonRun,
+    Line,
+    Other,
+    Rows,
+    Word,
+    simple,
+)
 from controller.program.parameters import ALARM, SAYS_DEBUG, STOP, Name, NoValue, Parameters, System, written
 from controller.program.program import Block, Callers, ProgramError
 from controller.program.source_text import LONGEST, Text, aborted, ended, message_text, without_comments
@@ -145,53 +157,48 @@ class _Scan:
             self._opened = True
             words = _Words(text, name, number, self.parameters).words()
             self.found |= bool(words) or "#" in text
-        kept = self.parameters.fresh() if "#" in text else {}
-        asked = self._system_requests(raw, name, number) if "#" in text and self._system is not None else None
-        if asked is not None:
-            words = (*words, *asked.words)
-        has = words or kept or asked or "," in raw
-        line = self._saying(Line(name, number, words), raw) if has else None
-        if line is not None and asked is not None:
-            line.notes, line.changes = asked.notes, asked.changes
-            line.message = asked.message or line.message
-        if line is not None and self.parameters.of_fanuc and (called := _FILE.search(raw)) is not None:
+        asides = NOTHING_ASIDE
+        if "#" in text:
+            asides = Asides(kept=self.parameters.fresh())
+            if self._system is not None:
+                stop, asides = self._system_requests(self._system, raw, name, number, asides)
+                words = (*words, *stop)
+        if said := self._message(raw, name, number):
+            asides = asides._replace(message=asides.message or said)
+        self.found |= bool(asides.message)
+        if not (words or any(asides)):
+            return None
+        line = Line(name, number, words)
+        line.asides = asides
+        if self.parameters.of_fanuc and (called := _FILE.search(raw)) is not None:
             line.file = linked.file_label(called[1])
-        if line is not None:
-            line.kept = kept
-            self.found |= bool(line.message)
-        return line if line is not None and (words or line.says) else None
+        return line
 
-    def _system_requests(self, raw: str, name: str, number: int) -> Line | None:
-        """What settings of system variables ask for; None where nothing. Raises ProgramError."""
-        system = self._system
-        assert system is not None
+    def _system_requests(
+        self, system: System, raw: str, name: str, number: int, asides: Asides
+    ) -> tuple[tuple[Word, ...], Asides]:
+        """The word, and what stands aside, that settings of system variables ask for. Raises ProgramError."""
         asks, system.asks = system.asks, {}
         notes, system.notes = system.notes, []
-        changes, system.changes = tuple(system.changes), []
-        if not (asks or notes or changes):
-            return None
-        text = " ".join(" ".join(found.split()) for found in _TEXT.findall(raw))[:LONGEST]
+        changes, system.changes = system.changes, []
+        at, text = raw.find("#") + 1, " ".join(" ".join(_TEXT.findall(raw)).split())[:LONGEST]
         if (alarm := asks.get(ALARM)) is not None:
-            raise ProgramError(
-                name, number, raw.find("#") + 1, message("text.alarm", number=alarm, text=text)
-            )
-        stop = (Word("M", 0.0, False, raw.find("#") + 1, f"#{STOP}"),) if STOP in asks else ()
-        made = Line(name, number, stop)
-        made.notes, made.changes, made.message = notes, changes, text if stop else ""
-        return made
+            raise ProgramError(name, number, at, message("text.alarm", number=alarm, text=text))
+        if STOP not in asks:
+            return (), asides._replace(notes=notes, changes=changes)
+        return (Word("M", 0.0, False, at, f"#{STOP}"),), Asides(text, notes, changes, asides.kept)
 
-    def _saying(self, line: Line, raw: str) -> Line:
-        """The line with what its comments say."""
-        if "," in raw and "(" in raw:
+    def _message(self, raw: str, name: str, number: int) -> str:
+        """What the comments of a line say to the operator. Raises ProgramError where they end the program."""
+        if "," not in raw or "(" not in raw:
+            return ""
 
-            def value(name: str) -> float:
-                values = Values(name.lower(), line.name, line.number, self.parameters)
-                return values.value(0, name)[0]
+        def value(written: str) -> float:
+            return Values(written.lower(), name, number, self.parameters).value(0, written)[0]
 
-            if ends := aborted(raw, value):
-                raise ProgramError(line.name, line.number, ends[0], ended(ends[1]))
-            line.message = message_text(raw, value, self.parameters.value(SAYS_DEBUG) != 0.0)
-        return line
+        if ends := aborted(raw, value):
+            raise ProgramError(name, number, ends[0], ended(ends[1]))
+        return message_text(raw, value, self.parameters.value(SAYS_DEBUG) != 0.0)
 
 
 def _first(rows: Rows, _run: list[Block]) -> Other | None:

@@ -29,7 +29,7 @@ from controller.plan.report.survey import BlockUse, Survey
 from controller.plan.restart import restart
 from controller.plan.restart.program_position import Spot
 from controller.plan.restart.restart import Rest, Source
-from controller.plan.stretch import Chain, Note, Pause, Stretch
+from controller.plan.segment import Note, PathItem, Pause, Segment
 from controller.plan.surfaces import choices, cuts, placements, placing
 from controller.plan.surfaces.walls import NONE, Walls
 from controller.program import blocks, carried, modal
@@ -81,7 +81,7 @@ class Task:
 class Walk:
     """A path that is read as it is walked; notes come as they are made."""
 
-    items: Iterable[Chain | Pause]
+    items: Iterable[PathItem]
     notes: list[Note] = field(default_factory=list)
     choices: Mapping[int, Rotaries] = field(default_factory=dict)
 
@@ -183,7 +183,7 @@ class _Read:
             yield block
 
 
-def _whole(items: Iterator[Chain | Pause], read: _Read, asked: Task) -> Iterator[Chain | Pause]:
+def _whole(items: Iterator[PathItem], read: _Read, asked: Task) -> Iterator[PathItem]:
     """A program without a block is refused; one whose moves all end where they start is a pause.
 
     So is a line by hand that only says how the next ones are meant.
@@ -200,7 +200,7 @@ def _whole(items: Iterator[Chain | Pause], read: _Read, asked: Task) -> Iterator
         yield Pause(read.last.place, read.last.modal)
 
 
-def _switched_off(items: Iterable[Chain | Pause]) -> Iterator[Chain | Pause]:
+def _switched_off(items: Iterable[PathItem]) -> Iterator[PathItem]:
     """After a line by hand what is on stays on, but for M2 and M30."""
     for item in items:
         if isinstance(item, Pause) and item.act is Act.END:
@@ -260,12 +260,12 @@ def _walked(walk: Walk) -> Watched:
     return watched
 
 
-def _fixed(watched: Watched) -> list[Chain | Pause] | None:
+def _fixed(watched: Watched) -> list[PathItem] | None:
     """A path gone through, as it can be gone again; None where it is long, or its run decides on it."""
-    kept, fixed = list[Chain | Pause](), True
+    kept, fixed = list[PathItem](), True
     for item in watched:
         probes = isinstance(item, Pause) and item.probe is not None
-        fixed = fixed and not probes and len(watched.stretches) <= MAX_KEPT
+        fixed = fixed and not probes and len(watched.segments) <= MAX_KEPT
         if fixed:
             kept.append(item)
     return kept if fixed else None
@@ -305,9 +305,9 @@ def _noted(walk: Walk, notes: Sequence[Note]) -> Walk:
     return walk
 
 
-def stretches(walk: Walk) -> dict[int, Stretch]:
-    """All stretches of a path by motion id: the planner counts them in the order of the path."""
-    return dict(enumerate(stretch for item in walk.items for stretch in item.stretches))
+def segments(walk: Walk) -> dict[int, Segment]:
+    """All segments of a path by motion id: the planner counts them in the order of the path."""
+    return dict(enumerate(segment for item in walk.items for segment in item.segments))
 
 
 def check(
@@ -315,7 +315,7 @@ def check(
     where: Path,
     tell: Callable[[BlockUse], None] = lambda _: None,
     progress: Callable[[int], None] = lambda _: None,
-    watch: Callable[[Iterable[Chain | Pause]], Iterable[Chain | Pause]] = lambda items: items,
+    watch: Callable[[Iterable[PathItem]], Iterable[PathItem]] = lambda items: items,
     spread: Spread = here,
 ) -> tuple[Survey, Stored, Message | str]:
     """Look at the whole program and keep what was found: survey, check, and a warning or "".
@@ -330,7 +330,7 @@ def looked_at(
     asked: Task,
     tell: Callable[[BlockUse], None] = lambda _: None,
     progress: Callable[[int], None] = lambda _: None,
-    watch: Callable[[Iterable[Chain | Pause]], Iterable[Chain | Pause]] = lambda items: items,
+    watch: Callable[[Iterable[PathItem]], Iterable[PathItem]] = lambda items: items,
     spread: Spread = here,
 ) -> tuple[Survey, Stored]:
     """The whole program: survey and check.

@@ -22,7 +22,7 @@ from controller.geometry.passing_place import LOOK_BACK_S, passing
 from controller.ipc.handoff import COLUMN, of_axes
 from controller.machine.kinematics import Kinematics, kinematics_of
 from controller.machine.model import Machine
-from controller.plan.stretch import Stretch
+from controller.plan.segment import Segment
 from controller.plan.surfaces.cuts import tolerance_mm
 from controller.program.program import Block, Modal, ProgramError
 from controller.state.live_state import OFF_PATH
@@ -59,18 +59,18 @@ def demand(modal: Modal, machine: Machine) -> Demand:
 class Demands:
     """Finds what is asked of a motion of a planned path: its program is read beside it, as far as needed."""
 
-    def __init__(self, blocks: Iterator[Block], stretches: Mapping[int, Stretch], machine: Machine) -> None:
-        """``stretches``: by motion id, which may come later."""
-        self._blocks, self._stretches, self._machine = blocks, stretches, machine
+    def __init__(self, blocks: Iterator[Block], segments: Mapping[int, Segment], machine: Machine) -> None:
+        """``segments``: by motion id, which may come later."""
+        self._blocks, self._segments, self._machine = blocks, segments, machine
         self._orders: list[int] = []
         self._demands: list[Demand] = []
         self._read_to = -1  # ``Place.order``
 
     def __call__(self, motion_id: int, s: float) -> Demand | None:
-        stretch = self._stretches.get(motion_id)
-        if stretch is None or stretch.feed_mm_s is None:
+        segment = self._segments.get(motion_id)
+        if segment is None or segment.feed_mm_s is None:
             return None
-        order = stretch.order_at(s)
+        order = segment.order_at(s)
         self._read(order)
         found = bisect_right(self._orders, order)
         return self._demands[max(0, found - 1)] if self._demands else None

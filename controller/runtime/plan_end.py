@@ -28,8 +28,8 @@ from controller.machine import machine_file
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
 from controller.messages import message, text
-from controller.plan.path.path import Chain, Pause
 from controller.plan.planner import Planner
+from controller.plan.segment import PathItem
 from controller.program.program import ProgramError
 from controller.runtime import children
 from controller.runtime.startup import Came, SessionError, StartUp, arrangement, came_to
@@ -89,7 +89,7 @@ class PlanEnd:
         self.planner = planner
         return planner
 
-    def load(self, items: Iterable[Chain | Pause], now: Snapshot) -> None:
+    def load(self, items: Iterable[PathItem], now: Snapshot) -> None:
         """A program for the planner, to begin where ``now``'s queue ends; the machine stands.
 
         What is there by now stays, so the collector need not look at it again: its looks at everything,

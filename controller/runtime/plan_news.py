@@ -15,7 +15,7 @@ from controller.motion.motions import SurfaceCut
 from controller.plan.foresight import FIRST, Foresight
 from controller.plan.planner import Planner
 from controller.plan.restart.program_position import ENTRY_ID, LinePart, Spot, lines_along
-from controller.plan.stretch import Chain, Pause, Stretch
+from controller.plan.segment import ContinuousPath, PathItem, Pause, Segment
 from controller.plan.timetable import Timetable
 from controller.program.carried import InForce
 from controller.program.modal import State
@@ -24,7 +24,7 @@ from controller.runtime import children
 from controller.runtime.plan_messages import POWER_ON, Announcement, MotionFacts, News, Turn
 
 FORESEES_S = 0.5  # of queue: with less the planner is about to be asked, and nothing else is done
-MAX_KNOWN = 100_000  # stretches whose tool is remembered: more than are ever read ahead
+MAX_KNOWN = 100_000  # segments whose tool is remembered: more than are ever read ahead
 
 
 class PathNotes:
@@ -35,7 +35,7 @@ class PathNotes:
         self._with_changer = machine.changer is not None
         self.tool: int | None = None  # to which it has changed, as far as it is read
         self.in_force = InForce()  # the modal state at each line
-        # By identity of a stretch: with which tool it is moved, and of which lines it is.
+        # By identity of a segment: with which tool it is moved, and of which lines it is.
         self._known: dict[int, tuple[int | None, tuple[LinePart, ...]]] = {}
         self._heard: deque[Aside] = deque()  # messages and settings that no motion has come to
         self._changes: dict[int, tuple[int, ...]] = {}  # to which tools, by line; until it is reported
@@ -47,7 +47,7 @@ class PathNotes:
         if isinstance(block, Aside):
             self._heard.append(block)
 
-    def watched(self, items: Iterable[Chain | Pause], spot: Spot | None) -> Iterator[Chain | Pause]:
+    def watched(self, items: Iterable[PathItem], spot: Spot | None) -> Iterator[PathItem]:
         """The same path; what it changes the tool to and says is noted as it is read.
 
         ``spot``: it begins inside of the program; what was said before that is not said again, but what
@@ -60,10 +60,10 @@ class PathNotes:
             if inside:
                 self._heard = deque(one for one in self._heard if not isinstance(one, OperatorMessage))
                 inside = isinstance(item, Pause) or (item.first_id or 0) >= ENTRY_ID
-            if isinstance(item, Chain):
+            if isinstance(item, ContinuousPath):
                 number = number if item.first_id is None else item.first_id
-                for stretch in item.stretches:
-                    self._say(stretch.order_at(stretch.motion.end), number, None, stretch.place.order)
+                for segment in item.segments:
+                    self._say(segment.order_at(segment.motion.end), number, None, segment.place.order)
                     number += 1
                 self._note_lines(item, 0.0 if inside else begun)
                 begun = begun if inside else 0.0
@@ -83,17 +83,17 @@ class PathNotes:
             self.tool, line = pause.modal.tool, pause.place.line
             self._changes[line] = (*self._changes.get(line, ()), self.tool)
 
-    def lines_noted(self, items: Iterable[Chain | Pause], begun: float) -> Iterator[Chain | Pause]:
+    def lines_noted(self, items: Iterable[PathItem], begun: float) -> Iterator[PathItem]:
         """The same path, which begins inside of a line."""
         for item in items:
-            if isinstance(item, Chain):
+            if isinstance(item, ContinuousPath):
                 self._note_lines(item, begun)
                 begun = 0.0
             yield item
 
-    def _note_lines(self, chain: Chain, begun: float) -> None:
-        for stretch, lines in zip(chain.stretches, lines_along(chain, begun), strict=True):
-            self._known[id(stretch)] = self.tool, lines
+    def _note_lines(self, chain: ContinuousPath, begun: float) -> None:
+        for segment, lines in zip(chain.segments, lines_along(chain, begun), strict=True):
+            self._known[id(segment)] = self.tool, lines
 
     def _say(self, order: int, motion_id: int, line: int | None, first: int = sys.maxsize) -> None:
         """What the program says up to that order is due at that motion, or at the pause before it.
@@ -126,19 +126,19 @@ class PathNotes:
         """As fields of ``News``, each once."""
         fresh = {"changes": self._changes, "messages": tuple(self._said), "marks": tuple(self._marks)}
         self._changes, self._said, self._marks = {}, [], []
-        while len(self._known) > MAX_KNOWN:  # of stretches that were reported long ago
+        while len(self._known) > MAX_KNOWN:  # of segments that were reported long ago
             del self._known[next(iter(self._known))]
         return fresh
 
-    def way(self, stretch: Stretch) -> MotionFacts:
+    def way(self, segment: Segment) -> MotionFacts:
         """For those who look on."""
-        motion = stretch.motion
-        tool, lines = self._known.get(id(stretch), (None, ()))
-        state = self.in_force.at(stretch.place.order) or POWER_ON
-        shown = (stretch.end, stretch.feed_mm_s, stretch.name, tool, state)
-        arc = motion.arc if isinstance(motion, SurfaceCut) and stretch.cutting else None
-        steps, states = stretch.feed_steps, self._states(lines)
-        return MotionFacts(*shown, motion.end, arc, steps, lines, states, stretch.share)
+        motion = segment.motion
+        tool, lines = self._known.get(id(segment), (None, ()))
+        state = self.in_force.at(segment.place.order) or POWER_ON
+        shown = (segment.end, segment.feed_mm_s, segment.name, tool, state)
+        arc = motion.arc if isinstance(motion, SurfaceCut) and segment.cutting else None
+        steps, states = segment.feed_steps, self._states(lines)
+        return MotionFacts(*shown, motion.end, arc, steps, lines, states, segment.share)
 
     def _states(self, lines: Sequence[LinePart]) -> tuple[tuple[float, State], ...]:
         """Of a motion of several lines: from which s on which modal state is in force."""
@@ -182,7 +182,7 @@ class Reporter:
         if news == self._last and not (self._turns or fresh or touches or notes.has_news):
             return
         self._last = news
-        ways = {name: notes.way(stretch) for name, stretch in fresh.items()}
+        ways = {name: notes.way(segment) for name, segment in fresh.items()}
         turns, found = tuple(self._turns), tuple(touches)
         self._parent.send(replace(news, ways=ways, turns=turns, touches=found, **notes.taken()))
         touches.clear()

@@ -22,7 +22,7 @@ from controller.plan.foresight import Foresight, twice
 from controller.plan.off_path import Back
 from controller.plan.restart.path_offset import beside
 from controller.plan.restart.program_position import FORMER, Spot
-from controller.plan.restart.reentry import Entrance, NotPossible
+from controller.plan.restart.reentry import NotPossible, WayOnto
 from controller.plan.restart.restart import Rest
 from controller.program.program import ProgramError
 from controller.runtime import children, cores, starts
@@ -195,7 +195,7 @@ class Planning:
         if order.program is not None:
             task = self._checks.task(order.program)
             fitted = starts.back(task, order.tool).fitted
-            Entrance(task.machine, task.kinematics, fitted).see_free(now.joints, 0.0)
+            WayOnto(task.machine, task.kinematics, fitted).see_free(now.joints, 0.0)
         self._reporter.note(Turn(now.tick, order.distance_mm, "retract"))
         self._end.planner.retract(now, order.distance_mm)
         self._await_taken(order, now)

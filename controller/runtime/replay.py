@@ -26,7 +26,7 @@ from controller.plan.off_path import Back
 from controller.plan.planner import Planner
 from controller.plan.restart.program_position import Spot
 from controller.plan.restart.reentry import NotPossible
-from controller.plan.stretch import Chain, Pause
+from controller.plan.segment import PathItem, Pause
 from controller.program.program import ProgramError
 from controller.runtime import checked, events, starts
 from controller.runtime.checked import Task, Walk
@@ -268,7 +268,7 @@ class _Repetition:
         )
 
 
-def _unprobed(items: Iterable[Chain | Pause]) -> Iterator[Chain | Pause]:
+def _unprobed(items: Iterable[PathItem]) -> Iterator[PathItem]:
     """The path up to where it would probe: no record has what was touched then."""
     for item in items:
         if isinstance(item, Pause) and item.probe is not None:

@@ -33,9 +33,8 @@ from controller.ipc.handoff import (
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Joints, Machine
 from controller.motion.pieces import FIRST_MARK
-from controller.plan.path.path import Chain, Pause
 from controller.plan.planner import Planner
-from controller.plan.stretch import straight
+from controller.plan.segment import ContinuousPath, PathItem, straight
 from controller.program.program import Place
 from controller.runtime import cyclic, simulation
 from controller.runtime.contour_error import DemandOf
@@ -105,14 +104,14 @@ class Items(Protocol):
     """A path as a whole, or one that is read as it is walked."""
 
     @property
-    def items(self) -> Iterable[Chain | Pause]: ...
+    def items(self) -> Iterable[PathItem]: ...
 
 
 @dataclass(frozen=True, slots=True)
 class Way:
     """A path of a few items."""
 
-    items: Sequence[Chain | Pause]
+    items: Sequence[PathItem]
 
 
 class SteppedMachine:
@@ -285,7 +284,7 @@ class SteppedMachine:
         """Where a recorded run began, by place and by the path clock; homed and enabled it goes there."""
         way = straight("position", Place(1, 1), self.joints, joints, None, self.kinematics)
         if way is not None:
-            self.run(Way((Chain((way,)),)))
+            self.run(Way((ContinuousPath((way,)),)))
         self.cycle.follow.set_joints(joints)
         self.cycle.follow.set_clock(plan_time_s)
         self.tick()

@@ -24,7 +24,7 @@ from controller.store.service_store import ServiceStore
 
 _log = logging.getLogger(__name__)
 DAMAGE = "FILE_DAMAGED"  # name of the alarm that something kept was damaged: before it is seen nothing starts
-KEPT = 1000
+KEPT = 5000
 SHOWN = 100  # in one answer
 
 
@@ -59,15 +59,15 @@ class Alarms:
         with self._lock:
             self._keep({**self._known[number], **more})
 
-    def acknowledge(self, number: int | None) -> int:
-        """One alarm, or all; how many that were. Raises CommandRefused."""
+    def acknowledge(self, number: int | None, by: str = "") -> int:
+        """One alarm, or all, of which the first time counts; how many that were. Raises CommandRefused."""
         with self._lock:
             if number is not None and number not in self._known:
                 raise refused("no_alarm", code="bad", number=number)
             wanted = [number] if number is not None else list(self._known)
             fresh = [self._known[one] for one in wanted if self._known[one]["acknowledged_s"] is None]
             for alarm in fresh:
-                self._keep({**alarm, "acknowledged_s": time.time()})
+                self._keep({**alarm, "acknowledged_s": time.time(), "acknowledged_by": by})
             return len(fresh)
 
     def list(self) -> list[dict[str, Any]]:

@@ -8,10 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from contextvars import copy_context
 
 from controller.commands.arguments import ArgumentError
 from controller.commands.command import Command
 from controller.commands.table import COMMANDS, ENDS, Request
+from controller.ipc.asker import asker
 from controller.ipc.control_socket import Answer, CommandRefused, Values
 from controller.messages import message
 from controller.service import (
@@ -30,6 +32,8 @@ from controller.service.handler_context import HandlerContext
 from controller.service.refusals import refused
 from controller.service.service import Service
 from controller.state.modes import Mode
+
+PANEL_DAMAGE = "STORE_DAMAGED"  # an alarm
 
 
 class CommandHandlers(HandlerContext):
@@ -51,7 +55,7 @@ class CommandHandlers(HandlerContext):
             command, values = instead, {}
         preconditions.check(self.service, command, values)
         if (errand := ERRANDS.get(command.name)) is not None:
-            return self._errands.submit(errand, self.service, values)
+            return self._errands.submit(copy_context().run, errand, self.service, values)
         if (handler := AT_ONCE.get(command.name)) is not None:
             return handler(self, values)
         assert command.request is not None  # the tick alone does it
@@ -109,6 +113,20 @@ def _keep_run(service: Service, values: Values) -> Values:
     return {"kept": values["on"]}
 
 
+def _acknowledge(service: Service, values: Values) -> Values:
+    """Raises CommandRefused where there is no such alarm."""
+    who = asker.get()
+    return {"acknowledged": service.alarms.acknowledge(values["id"], who.user if who is not None else "")}
+
+
+def _panel_damaged(service: Service, values: Values) -> Values:
+    """The panel has no alarms of its own; one that nobody has acknowledged is not raised again."""
+    there, said = service.alarms.unconfirmed(PANEL_DAMAGE), message(values["key"], **values["values"])
+    if there is None or there["key"] != said["key"]:
+        service.alarms.add(PANEL_DAMAGE, said)
+    return {}
+
+
 AT_ONCE: dict[str, Callable[[HandlerContext, Values], Answer]] = {
     "status": lambda handlers, _: whole_status.status(handlers.service),
     "facts": lambda handlers, _: whole_status.facts(handlers.service),
@@ -145,8 +163,8 @@ ERRANDS: dict[str, Callable[[Service, Values], Values]] = {  # they wait for a d
     "set_offset": fitting.set_offset,
     "set_tool": fitting.set_tool,
     "forget": fitting.forget,
-    "acknowledge": lambda service, values: {"acknowledged": service.alarms.acknowledge(values["id"])},
-    "runs": lambda service, _: {"runs": runs.list_runs(service.state)},
+    "acknowledge": _acknowledge,
+    "panel_damaged": _panel_damaged,
     "keep_run": _keep_run,
     "rows": lambda service, values: diagnostics.rows(service.engine.recorder, values),
     "buses": _buses,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from controller.commands.table import Request
+from controller.ipc.asker import peer
 from controller.ipc.control_socket import Answer, CommandRefused, Values
 from controller.machine.macro_table import MACRO_ROLES
 from controller.machine.model import Machine
@@ -57,6 +58,7 @@ def reset(handlers: HandlerContext, _: Values) -> Answer:
 def load(handlers: HandlerContext, values: Values) -> Answer:
     service = handlers.service
     given_up, going = handlers.give_up_load(), handlers.new_load()
+    values = {**values, jobs.READER: peer.get()}
 
     def work() -> Values:
         if going.given_up:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import os
 from collections import deque
@@ -35,7 +36,7 @@ from controller.service.time_left import TimeLeft
 from controller.state.modes import Mode
 
 MDI = "MDI"
-MAX_BYTES = 1 << 30  # of a program
+READER = "reader"  # in the values of a ``load``: number of the user who asks for it
 INTERRUPTED = "interrupted"  # by the end of its service; it is not loaded
 UNDER_WAY = ("starting", "running", "held", "stopping")
 _STATES = {
@@ -368,14 +369,8 @@ def journalled(job: Job, now: Machine) -> journal.Job:
 
 def read(args: dict[str, Any], machine: Machine) -> Job:
     """The job of a ``load``. Raises CommandRefused."""
-    path = Path(str(args.get("path", "")))
-    try:
-        with own_files.opened(path.resolve(), os.O_RDONLY, shared=True) as file:
-            if os.fstat(file.fileno()).st_size > MAX_BYTES:
-                raise refused("too_large", code="bad", path=path, most=MAX_BYTES >> 20)
-            text = file.read()
-    except OSError as error:
-        raise refused("unreadable", code="bad", path=path, why=error) from error
+    path, reader = Path(str(args.get("path", ""))), args.get(READER)
+    text = _content(path, reader)
     found = hashlib.sha256(text).hexdigest()
     wanted = args.get("sha256")
     if wanted is not None and wanted != found:
@@ -387,12 +382,34 @@ def read(args: dict[str, Any], machine: Machine) -> Job:
     dry_run_mm = _from_0(args, "dry_run_mm", 1000.0)
     unchecked = args.get("unchecked") is True and spot is None  # a place in the middle needs the whole
     name = str(args.get("name") or path.name)
-    files = linked.among({str(file): Path(str(at)) for file, at in _files(args).items()})
-    text = linked.linked(text, files, machine)
+    called = {str(file): Path(str(at)) for file, at in _files(args).items()}
+    files = linked.among(called, lambda file: _content(file, reader))
+    text = _bounded(linked.linked(text, files, machine), path)
     skips = args.get("block_delete") is True
     text = linked.without_deleted(text) if skips else text
     program = Program(text, name, machine, spot, dry_run_mm=dry_run_mm, unchecked=unchecked)
     return Job(program, found, block_delete=skips)
+
+
+def _bounded(text: bytes, path: Path) -> bytes:
+    """As long as a program may be, whatever the size of its file is said to be. Raises CommandRefused."""
+    if len(text) > linked.MAX_BYTES:
+        raise refused("too_large", code="bad", path=path, most=linked.MAX_BYTES >> 20)
+    return text
+
+
+def _content(path: Path, reader: int | None) -> bytes:
+    """Of a file that ``reader`` may read, who asks for it; for root or None of any that the service may: a
+    refusal and the record of a run say what is in it. Raises CommandRefused.
+    """
+    try:
+        with own_files.opened(path.resolve(), os.O_RDONLY, shared=True) as file:
+            facts = os.fstat(file.fileno())
+            if reader and reader != os.geteuid() and not own_files.may_read(reader, path, facts):
+                raise own_files.refusal(errno.EPERM, message("own_file.not_readable", user=reader), path)
+            return _bounded(file.read(linked.MAX_BYTES + 1), path)
+    except (OSError, ValueError) as error:  # ValueError: a name that no file can have
+        raise refused("unreadable", code="bad", path=path, why=error) from error
 
 
 def _files(args: dict[str, Any]) -> dict[str, Any]:

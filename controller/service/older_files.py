@@ -1,7 +1,7 @@
 """What versions before have kept in files of their own, taken into the service's store once.
 
 A file that was taken over lies beside it from then on, under a name that nobody reads (``OLDER``). One that
-is damaged is put aside and reported, and the generation before counts, if that is whole.
+is damaged is put aside and reported.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 from controller import own_database, own_files, sealed_file, sealed_rows
 from controller.machine import setup_data
 from controller.machine.toml_table import ConfigError
-from controller.messages import Message, message, of_error
+from controller.messages import Message, message
 from controller.service import durations, journal, probed, thread_guard, usage
 from controller.store import set_up_store, tool_store
 from controller.store.service_store import ServiceStore
@@ -26,13 +26,13 @@ from controller.store.service_store import ServiceStore
 OLDER = ".older"
 ALARMS = "alarms.jsonl"
 TABLE = "touches.csv"  # before there was touches.json
+OF_PANEL = "of_panel"  # document: what the panel had of runs and alarms was taken over
+PANEL_STORES = ("panel/store*.sqlite", "store*.sqlite")  # the panel's own, and copies of before a migration
 WRONG = (*sealed_file.UNREADABLE, ConfigError)
 
 
 class Document(NamedTuple):
-    """What a file has become: ``taken`` raises for values that are not sound; ``unknown`` counts instead of
-    the generation before, where it is not None.
-    """
+    """What a file has become: ``taken`` raises for values that are not sound; ``unknown`` counts instead."""
 
     name: str
     taken: Callable[[Any], Any]
@@ -67,34 +67,21 @@ def take_over(store: ServiceStore, state: Path) -> list[Message]:
         _put_by(state / name)
     losses.append(_take_table(store, state / TABLE))
     losses += [_take_alarms(store, state / ALARMS), _take_tools(store, state / tool_store.OLDER)]
+    if not store.has(OF_PANEL):
+        _take_panels(store, state)
     return [loss for loss in losses if loss is not None]
 
 
 def _read(file: Path, document: Document) -> tuple[Any, Message | None]:
     """The values of a file, or of what counts instead, and what an alarm says then; None: there are none."""
-    why, before = message("sealed.gone"), sealed_file.before(file)
     try:
-        return _sound(file, document), None
+        values = sealed_file.read(file)
+        document.taken(json.loads(json.dumps(values)))
     except FileNotFoundError:
-        if not os.path.lexists(before):
-            return None, None
+        return None, None
     except WRONG as error:
-        why = of_error(error)
-    aside = own_files.put_aside(file)
-    named = aside.name if aside is not None else ""
-    if document.unknown is None:
-        with contextlib.suppress(*WRONG):
-            values, at_s = _sound(before, document), sealed_file.written_s(before)
-            return values, sealed_file.before_counts(file, why, named, at_s)
-    own_files.put_aside(before)
-    return document.unknown, sealed_file.begun_anew(file, why, named)
-
-
-def _sound(file: Path, document: Document) -> Any:
-    """Raises as ``WRONG``."""
-    values = sealed_file.read(file)
-    document.taken(json.loads(json.dumps(values)))
-    return values
+        return document.unknown, _put_aside(file, error)
+    return values, None
 
 
 def _take_table(store: ServiceStore, file: Path) -> Message | None:
@@ -143,6 +130,36 @@ def alarms(file: Path) -> tuple[list[dict[str, Any]], Message | None]:
     return found, _put_aside(file, bad) if bad else None
 
 
+def _take_panels(store: ServiceStore, state: Path) -> None:
+    """The panel kept copies: of runs also those whose records have gone, under the numbers that they have,
+    and of alarms who has acknowledged them.
+    """
+    for file in (file for where in PANEL_STORES for file in sorted(state.glob(where), reverse=True)):
+        with contextlib.suppress(OSError, ValueError, sqlite3.Error), own_database.reading(file) as sql:
+            runs, seen = sql.execute(_OLDER_RUNS).fetchall(), sql.execute(_OLDER_ALARMS).fetchall()
+            with store.write() as into:
+                into.executemany("INSERT OR IGNORE INTO runs VALUES (?, ?, ?, ?, ?, ?, ?, ?)", runs)
+                into.executemany(_SEEN, [(at_s, by, *source.split()) for at_s, by, source in seen])
+            break
+    with contextlib.suppress(OSError):  # the next start looks again
+        store.put(OF_PANEL, True)
+
+
+_OLDER_RUNS = """
+SELECT id, source, program, sha256, began_s, ended_s, result,
+json_remove(facts, '$.record', '$.as_cut', '$.kept')
+FROM runs WHERE ended_s IS NOT NULL AND json_type(facts) = 'object'
+"""
+_OLDER_ALARMS = """
+SELECT acknowledged_s, acknowledged_by, source FROM alarms
+WHERE acknowledged_s IS NOT NULL AND source IS NOT NULL
+"""
+_SEEN = """
+UPDATE alarms SET facts = json_set(facts, '$.acknowledged_s', ?, '$.acknowledged_by', ?)
+WHERE id = ? AND json_extract(facts, '$.time_s') = CAST(? AS REAL)
+"""
+
+
 def _take_tools(store: ServiceStore, file: Path) -> Message | None:
     """Where the tools are is known only if each row is as it was written."""
     if not os.path.lexists(file):
@@ -171,7 +188,6 @@ def _put_aside(file: Path, why: Exception) -> Message:
 
 def _put_by(file: Path) -> None:
     """What was taken over gets another name; where the disk does not take that, it is the next start's."""
-    for one in (file, sealed_file.before(file)):
-        if os.path.lexists(one):
-            with contextlib.suppress(OSError):
-                own_files.rename(one, one.with_name(f"{one.name}{OLDER}"))
+    if os.path.lexists(file):
+        with contextlib.suppress(OSError):
+            own_files.rename(file, file.with_name(f"{file.name}{OLDER}"))

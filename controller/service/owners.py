@@ -68,8 +68,9 @@ class Owners:
         self.journal = Journal(self.store, last=entry)
         for damaged in (*self.store.losses, *losses):
             self.alarms.add(alarms.DAMAGE, damaged)
-        for lost in runs.put_damaged_aside(state):
+        for lost in runs.settle(state):
             self.alarms.add(runs.ALARM, lost)
+        runs.index(self.store, state)
         sealed_file.mark(state, SEALED)
         self.troubles = Troubles(self.set_up.machine, self.alarms, self.writer)
         self.processes = Processes(self.engine, self.troubles, kept.recordings)
@@ -99,6 +100,7 @@ class Owners:
             for loss in losses:
                 self.alarms.add(alarms.DAMAGE, loss)
             if losses:  # what is known is put anew
+                runs.index(self.store, self.state)
                 self.set_up.keep()
                 self.set_up.put_in(self.set_up.tool)
                 self.journal.keep()

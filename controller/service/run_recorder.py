@@ -5,8 +5,7 @@ from __future__ import annotations
 import contextlib
 import threading
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Executor, Future
-from pathlib import Path
+from concurrent.futures import Future
 from typing import Any
 
 from controller import messages
@@ -15,11 +14,12 @@ from controller.machine.model import Machine
 from controller.messages import Message, message
 from controller.runtime.plan_messages import Turn
 from controller.runtime.starts import Start
-from controller.service.alarms import Alarms
 from controller.service.engine import Engine
 from controller.service.jobs import Job
-from controller.service.room import SPARE_BYTES, Room
+from controller.service.owners import Owners
+from controller.service.room import SPARE_BYTES
 from controller.service.runs import Rows, RunRecord
+from controller.store import history
 
 IDLE_S = 0.5  # without a record, between two looks whether something else is to be saved
 SYNC_S = 0.05  # a loss of power costs so much of a record, and what the disk itself takes
@@ -28,13 +28,10 @@ SYNC_S = 0.05  # a loss of power costs so much of a record, and what the disk it
 class RunRecorder:
     """A thread of its own has the disk take what is written: nobody else waits for that."""
 
-    def __init__(
-        self, state: Path, room: Room, alarms: Alarms, writer: Executor, save: Callable[[], object]
-    ) -> None:
-        """``writer`` ends records, and makes room; ``save`` is called now and then, for what else changes as
-        it runs.
-        """
-        self._state, self._room, self._alarms, self._writer, self._save = state, room, alarms, writer, save
+    def __init__(self, service: Owners, save: Callable[[], object]) -> None:
+        """``save`` is called now and then, for what else changes as it runs."""
+        self._store, self._room, self._alarms = service.store, service.room, service.alarms
+        self._writer, self._save = service.writer, save  # that ends records, and makes room
         self.record: RunRecord | None = None
         self._packing: Future[None] | None = None
         self.unrecorded: Message | None = None  # why the run, or the last one, has no whole record
@@ -54,7 +51,7 @@ class RunRecorder:
             "sha256": job.sha256,
             "line": spot.line if spot is not None else None,
         }
-        self.record, self.unrecorded = RunRecord(self._state, machine, what), None
+        self.record, self.unrecorded = RunRecord(self._store.file.parent, machine, what), None
         self._begun.set()
         self._report(self.record)
         return self.record.folder.name
@@ -101,8 +98,15 @@ class RunRecorder:
     def end(self, result: str, planned_s: float | None, why: Message | None, more: Mapping[str, Any]) -> None:
         """The run is over; ``more``: facts that others have."""
         if (record := self.release()) is not None:
-            self._writer.submit(record.end, result, planned_s=planned_s, **more, **messages.facts(why))
+            known = {"planned_s": planned_s, **more, **messages.facts(why)}
+            self._writer.submit(self._end, record, result, known)
             self._writer.submit(self._make_room)
+
+    def _end(self, record: RunRecord, result: str, known: Mapping[str, Any]) -> None:
+        """Writes the record, and its row; where the disk takes none, the next start does."""
+        facts = record.end(result, **known)
+        with contextlib.suppress(OSError):
+            self._store.insist(lambda sql: history.add_run(sql, facts))
 
     def close(self) -> None:
         """All is over: nothing goes to the disk beside the run any more."""

@@ -53,6 +53,8 @@ from controller.state.setpoints import (
     counts_per_unit,
     in_counts,
 )
+from controller.store import history
+from controller.store.service_store import ServiceStore
 
 FOLDER, RUN, BEGUN = record_files.RUNS, record_files.RUN, record_files.BEGUN
 ALARM = "RECORD_DAMAGED"
@@ -288,15 +290,14 @@ def _stem(name: str) -> str:
     return time.strftime(_STEM, time.localtime(now_s)) + f".{int(now_s * 1e3) % 1000:03d}-{plain}"
 
 
-def list_runs(state: Path, most: int = 100) -> list[dict[str, Any]]:
-    """The facts of the newest runs, the newest first; a run without an end is left out."""
-    found = []
-    for name in own_files.names(state / FOLDER, state)[::-1]:
-        if facts := _read(state, name, RUN):
-            found.append(facts)
-        if len(found) >= most:
-            break
-    return found
+def index(store: ServiceStore, state: Path) -> None:
+    """Gives runs a row whose service had no time or no room for it: those of records that have an end."""
+    with_row = history.records(store)
+    without = [name for name in own_files.names(state / FOLDER, state) if name not in with_row]
+    with contextlib.suppress(OSError), store.write() as sql:  # a full disk forbids no start
+        for name in without:
+            with contextlib.suppress(KeyError, TypeError, ValueError):  # it has no end, or none that is sound
+                history.add_run(sql, {**_read(state, name, RUN), "id": name})
 
 
 def _read(state: Path, name: str, file: str) -> dict[str, Any]:
@@ -306,21 +307,22 @@ def _read(state: Path, name: str, file: str) -> dict[str, Any]:
     return {}
 
 
-def put_damaged_aside(state: Path) -> list[Message]:
-    """Beginnings and ends of runs that cannot be read; what an alarm says of each. Such a run is lost from
-    then on.
+def settle(state: Path) -> list[Message]:
+    """Runs that a service before this one began and did not end are lost: such a run ended when the last of
+    its setpoints was written. What cannot be read of beginnings and ends is put aside, and said by alarms.
     """
     found = []
     for name in own_files.names(state / FOLDER, state):
-        end = state / FOLDER / name / RUN
-        for file in (end, end.with_name(BEGUN)):
-            if not os.path.lexists(file) or _read(state, name, file.name):
-                continue
+        folder = state / FOLDER / name
+        there = [file for file in (folder / RUN, folder / BEGUN) if os.path.lexists(file)]
+        for file in (file for file in there if not _read(state, name, file.name)):
             aside = own_files.put_aside(file, state)
             found.append(message("record_damaged", file=file, aside=aside.name if aside else "-"))
-            with contextlib.suppress(OSError):
-                if not os.path.lexists(end):
-                    _write_facts(end, {**_of_name(name), **_ended(end.parent, state)})
+        with contextlib.suppress(OSError):
+            if there and not os.path.lexists(folder / RUN):
+                begun = _read(state, name, BEGUN) or _of_name(name)
+                _write_facts(folder / RUN, {**begun, **_ended(folder, state)})
+            own_files.remove(folder / BEGUN, state)
     return found
 
 
@@ -335,28 +337,6 @@ def keep(state: Path, name: str, on: bool) -> bool:
     else:
         own_files.remove(file, state)
     return True
-
-
-def lose(state: Path) -> int:
-    """Runs that a service before this one began and did not end are lost; how many.
-
-    Such a run ended when the last of its setpoints was written.
-    """
-    lost = 0
-    for name in own_files.names(state / FOLDER, state):
-        folder = state / FOLDER / name
-        if not os.path.lexists(folder / BEGUN):
-            continue
-        with contextlib.suppress(OSError):
-            if not os.path.lexists(folder / RUN):  # it was killed between the last two steps of an end
-                begun = _read(state, name, BEGUN)
-                facts = {**(begun or _of_name(name)), **_ended(folder, state)}
-                if not begun:
-                    own_files.put_aside(folder / BEGUN, state)
-                _write_facts(folder / RUN, facts)
-                lost += 1
-            own_files.remove(folder / BEGUN, state)
-    return lost
 
 
 def _ended(folder: Path, state: Path) -> dict[str, Any]:

@@ -15,7 +15,7 @@ from controller.machine import setup_data
 from controller.messages import of_error
 from controller.runtime.starts import Start
 from controller.runtime.startup import SessionError
-from controller.service import restart_preview, room, runs
+from controller.service import restart_preview, room
 from controller.service.acknowledged import why_refused
 from controller.service.jobs import Job
 from controller.service.refusals import by_fault, by_now, refused
@@ -39,7 +39,6 @@ def power_up(service: Service) -> None:
     """
 
     def work() -> Values:
-        runs.lose(service.state)  # the door is open: no other service works here
         start_engine(service)
         service.processes.commission()
         return {}

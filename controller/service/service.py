@@ -19,7 +19,7 @@ class Service(Owners):
     def __init__(self, machine: Machine, kept: Folders, engine: Engine | None = None) -> None:
         """``engine``: None makes one. Raises SessionError, ConfigError, OSError."""
         super().__init__(machine, kept, lambda news: self.run.hear(news), engine)
-        recorder = RunRecorder(self.state, self.room, self.alarms, self.writer, self._save_usage)
+        recorder = RunRecorder(self, self._save_usage)
         self.run = JobRun(self, recorder, self.interrupted)
         self.watch = Watch(self, self.run)
 

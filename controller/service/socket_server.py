@@ -22,7 +22,8 @@ from pathlib import Path
 from typing import Any
 
 from controller import own_files
-from controller.ipc.asker import ROLES, Asker, name_of, of_request, of_socket
+from controller.ipc.asker import ROLES, Asker, asker, name_of, of_request, of_socket
+from controller.ipc.asker import peer as peer_uid
 from controller.ipc.control_socket import (
     BUFFER_BYTES,
     MAX_ANSWER,
@@ -54,10 +55,8 @@ class _Peer:
     def __init__(self, own: socket.socket) -> None:
         own.setblocking(False)
         own.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, BUFFER_BYTES)
-        self.socket, self.user = (
-            own,
-            name_of(of_socket(own)[0]),
-        )  # asked once: it may be a directory's, far away
+        self.socket, self.uid = own, of_socket(own)[0]
+        self.user = name_of(self.uid)  # asked once: it may be a directory's, far away
         self._lock = threading.Lock()
 
     def answer(self, number: int | str | None, outcome: Values | BaseException) -> None:
@@ -154,7 +153,9 @@ class Server:
         number = _number(said)
         try:
             verb, args = _verb_and_args(said)
-            with self._noted(verb, args, _asker(said, peer.user), peer.user) as hear:
+            asker.set(who := _asker(said, peer.user))
+            peer_uid.set(peer.uid)
+            with self._noted(verb, args, who, peer.user) as hear:
                 answer = self._handler(verb, args)
                 hear(answer)
         except Exception as error:  # one request's own mistake must not close the door for all

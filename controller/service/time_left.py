@@ -18,7 +18,7 @@ from typing import NamedTuple
 from controller.ipc.handoff import COLUMN, WAITED, Snapshot
 from controller.motion.pieces import FIRST_MARK
 from controller.plan.report.passing import Mark, passed_s
-from controller.plan.stretch import Wait
+from controller.plan.segment import Wait
 from controller.plan.timetable import Event, Timetable
 from controller.plan.waits import BY_HAND, CHANGE, JOURNAL, OPTIONAL, STOP
 from controller.service.durations import Durations

@@ -5,10 +5,10 @@ and where it is shown. Made of these rows are the layout in shared memory, the r
 of recordings), the fields of the status and of its OpenAPI model, the scope's signals, and the table in
 README.md. Likewise ``DriveRow`` for what the status tells of a drive.
 
-A value is taken from the attribute of the same name at its owner, a part of the tick. No place is counted,
-so no two values can be taken for one another. How they are taken is compiled, as ``dataclasses`` does it: a
-tick reads its attributes and nothing else. What each axis has stands in ``MAX_AXES`` places; those that a
-machine of fewer axes leaves are 0, and are not read.
+A value is taken from the attribute of the same name at its owner, a part of the tick; of ``DRIVES`` from that
+of each drive. No place is counted, so no two values can be taken for one another. How they are taken is
+compiled, as ``dataclasses`` does it: a tick reads its attributes and nothing else. What each axis has stands
+in ``MAX_AXES`` places; those that a machine of fewer axes leaves are 0, and are not read.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from controller.state.requests import ANSWERS, PLAN_IDS, Outcome, outcome
 
 ANALOGUE = 4  # outputs at most
 EACH_AXIS = 0  # in place of ``many``
+DRIVES = "drives"  # the owner of what each drive has itself
 Flat = tuple[float, ...]  # the values of one tick in the order in which they stand here
 
 
@@ -186,15 +187,15 @@ class Snapshot(NamedTuple):
     epoch: int = _value("follow", "queues given up so far")
     homed: int = _value("modes", "axes that have their zero, bit mask")
     untrusted: int = _value("modes", "axes that must be homed before a start, bit mask")
-    drive_states: tuple[int, ...] = _value("status", "of CiA 402", many=EACH_AXIS)
-    malformed: tuple[int, ...] = _value("status", "frames of a wrong length from each drive", many=EACH_AXIS)
+    drive_states: tuple[int, ...] = _value("drives.state", "of CiA 402", many=EACH_AXIS)
+    malformed: tuple[int, ...] = _value("drives", "frames of a wrong length from each drive", many=EACH_AXIS)
     missed: tuple[int, ...] = _value(
-        "status",
+        "drives",
         "setpoints that each drive did not take with their SYNC, -1 = it does not tell",
         many=EACH_AXIS,
     )
     overdue: tuple[int, ...] = _value(
-        "status", "times that each drive has missed its setpoints for too long (8250h)", many=EACH_AXIS
+        "drives", "times that each drive has missed its setpoints for too long (8250h)", many=EACH_AXIS
     )
     skips: int = _value("sync", "ticks that sent no SYNC", status="tick.skips")
     late_max_s: float = _value("sync", "the latest tick so far", "s", status="tick.late_max_ms ms 1e3")
@@ -387,9 +388,14 @@ SIGNALS = {  # of the scope, that are columns; by their names
 
 def _written(axes: int) -> str:
     """A function that takes the parts of the tick and gives the flat values."""
-    left = ", 0" * (MAX_AXES - axes)
-    values = (f"{'*' * (f.many > 1)}{f.part}.{f.attribute}{left * f.is_of_axes}" for f in FIELDS)
-    return f"lambda {', '.join(OWNERS)}: ({', '.join(values)})"
+    return f"lambda {', '.join(OWNERS)}: ({', '.join(_written_as(field, axes) for field in FIELDS)})"
+
+
+def _written_as(field: Field, axes: int) -> str:
+    left = ", 0" * (MAX_AXES - axes) * field.is_of_axes
+    if field.part == DRIVES:
+        return ", ".join(f"{DRIVES}[{i}].{field.attribute}" for i in range(axes)) + left
+    return f"{'*' * (field.many > 1)}{field.part}.{field.attribute}{left}"
 
 
 def _read(axes: int) -> str:

@@ -32,7 +32,7 @@ from controller.machine.toml_table import ConfigError
 from controller.messages import Message, message
 
 FILE = "service.sqlite"
-COPY = f"{FILE}{sealed_file.BEFORE}"  # as it was found sound last
+COPY = f"{FILE}.before"  # as it was found sound last
 RESERVE = "reserve"
 RESERVE_BYTES = 1 << 20  # some thousand alarms
 AHEAD_PAGES = 100  # so much is written ahead, about: its place is written again, and needs no new one
@@ -84,7 +84,17 @@ CREATE TABLE requests (
     refused TEXT NOT NULL               -- code of the refusal
 ) STRICT
 """
-MIGRATIONS: tuple[str, ...] = (_FIRST, _TOOLS, _REQUESTS)
+_RUNS = """
+CREATE TABLE runs (
+    id INTEGER PRIMARY KEY AUTOINCREMENT,
+    record TEXT UNIQUE,                 -- name of its folder, which may have gone; NULL: it never had one
+    program TEXT NOT NULL, sha256 TEXT NOT NULL,     -- name and content as they were then
+    began_s REAL NOT NULL, ended_s REAL NOT NULL,
+    result TEXT NOT NULL,
+    facts TEXT NOT NULL                 -- JSON: cut time, following errors, ...
+) STRICT
+"""
+MIGRATIONS: tuple[str, ...] = (_FIRST, _TOOLS, _REQUESTS, _RUNS)
 
 _NOT_KNOWN = "DELETE FROM known"  # somebody must look where the tools are
 
@@ -257,11 +267,7 @@ class ServiceStore:
         known = own_database.ahead(self.file)
         sql = own_database.opened(self.file)
         try:
-            if own_database.has_lost(sql, self.file, known):
-                ahead = self.file.with_name(f"{FILE}-wal")
-                aside = own_files.aside(ahead)
-                atomic_file.write(aside, own_files.read_bytes(ahead), mode=own_database.MODE)
-                sql.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+            if (aside := own_database.put_lost_aside(sql, self.file, known)) is not None:
                 what = message("cli.state.lost")
                 self.losses.append(message("store_damaged", file=self.file, what=what, aside=aside.name))
                 self._is_older = True
@@ -282,19 +288,13 @@ class ServiceStore:
         damaged is left, and OSError.
         """
         with own_database.transaction(sql):
-            words, rows = sealed_rows.broken(sql), sealed_rows.damaged(sql)
-            if not words and not rows:
+            if (found := sealed_rows.mend(sql, self.file)) is None:
                 return []
-            aside = own_files.aside(self.file)
-            atomic_file.write(aside, sql.serialize(), mode=own_database.MODE)
-            sealed_rows.index_anew(sql)
-            rows = sealed_rows.damaged(sql)
-            sealed_rows.take_out(sql, rows)
+            rows, what, aside = found
             self._lost |= {name for name, _ in rows}
             sql.execute(_NOT_KNOWN)
             if left := sealed_rows.broken(sql):
                 raise sqlite3.DatabaseError(left[0])
-        what = sealed_rows.summary(rows, words)
         return [message("store_damaged", file=self.file, what=what, aside=aside.name)]
 
     # -- the copy

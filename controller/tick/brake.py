@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any, Final
+
 from controller.ipc.handoff import StopTable
+from controller.tick.changes import Changes
 from controller.tick.queue import Queue
 from drives.pump.braking import moved_by
 from drives.pump.plan_memory import Stop
+
+_CHANGES: Final = Changes("left_at", "s", "v", "a", "_jerks", "_k", "_last", "_held", "_n")
 
 
 class Brake:
@@ -67,20 +72,16 @@ class Brake:
             if self._k == self._last:
                 self.v = self.a = 0.0
 
-    def go_on_as(self, other: Brake) -> None:
-        """Takes over where another stop is."""
-        self.active, self.left_at = other.active, other.left_at
-        self.s, self.v, self.a = other.s, other.v, other.a
-        self._jerks, self._k, self._last = other._jerks, other._k, other._last
-        self._held, self._n = other._held, other._n
-
     @property
     def rest(self) -> Stop:
         """What is left of it, for the pump."""
         return Stop(self._jerks[self._k : self._last], self._held, self._n, self.v, self.a)
 
-    def save(self) -> tuple[bool, float, float, float, int, int]:
-        return self.active, self.s, self.v, self.a, self._k, self._n
+    def save(self) -> tuple[Any, ...] | None:
+        """None where it is not under way."""
+        return _CHANGES.of(self) if self.active else None
 
-    def restore(self, saved: tuple[bool, float, float, float, int, int]) -> None:
-        self.active, self.s, self.v, self.a, self._k, self._n = saved
+    def restore(self, saved: tuple[Any, ...] | None) -> None:
+        self.active = saved is not None
+        if saved is not None:
+            _CHANGES.put(self, saved)

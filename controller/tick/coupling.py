@@ -27,11 +27,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Final, NamedTuple, Protocol
 
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine
 from controller.motion.motions import ThreadMove
+from controller.tick.changes import Changes
 from drives.pump.lead import Correction
 from drives.pump.plan_memory import Stop
 
@@ -166,24 +167,11 @@ class Past(NamedTuple):
         return Past((wanted, *self.wanted[:-1]), (turned, *self.turned[:-1]), (led, *self.led[:-1]))
 
 
-class Tie(NamedTuple):
-    """What a tick changes of the tie, so that it can be taken back; the fields as in ``Coupling``."""
-
-    releasing: bool
-    move: ThreadMove | None
-    s: float
-    zero: float
-    lag_rev: float
-    rate: float
-    rev_s: float
-    past: Past
-    now: Correction
-    stock: tuple[Correction, ...]
-    settled: int
-    late: int
-    turned: float
-    led_mm: float
-    ahead_mm: float
+_CHANGES: Final = Changes(
+    *("releasing", "move", "s", "_zero", "lag_rev", "_rate", "rev_s", "_past", "now", "_stock"),
+    *("_settled", "_late", "_turned", "led_mm", "ahead_mm"),
+)
+Tie = tuple[Any, ...]  # these, of one tick
 
 
 class Coupling:
@@ -277,6 +265,10 @@ class Coupling:
         self.led_mm = self.ahead_mm = 0.0
         self.now, self._stock = Correction(), ()
 
+    def go_on(self, committed: int, again: Recorded | None) -> None:
+        """So many ticks, from the next one on, have gone out as foreseen; ``again``: as a run had them."""
+        self.committed, self.again = committed, again
+
     def stood(self) -> None:
         """The axes have stood meanwhile."""
         self.now = self.now._replace(step_rev=0.0, drift_rev_s=0.0)
@@ -298,36 +290,14 @@ class Coupling:
 
     def save(self) -> Tie | None:
         """None where there is no tie."""
-        if not self.active:
-            return None
-        return Tie(
-            self.releasing,
-            self.move,
-            self.s,
-            self._zero,
-            self.lag_rev,
-            self._rate,
-            self.rev_s,
-            self._past,
-            self.now,
-            self._stock,
-            self._settled,
-            self._late,
-            self._turned,
-            self.led_mm,
-            self.ahead_mm,
-        )
+        return _CHANGES.of(self) if self.active else None
 
     def restore(self, saved: Tie | None) -> None:
         if saved is None:
             self.end()
             return
-        self.active, self.releasing, self.move = True, saved.releasing, saved.move
-        self.s, self._zero, self._past = saved.s, saved.zero, saved.past
-        self.lag_rev, self._rate, self.rev_s = saved.lag_rev, saved.rate, saved.rev_s
-        self.now, self._stock = saved.now, saved.stock
-        self._settled, self._late, self._turned = saved.settled, saved.late, saved.turned
-        self.led_mm, self.ahead_mm = saved.led_mm, saved.ahead_mm
+        self.active = True
+        _CHANGES.put(self, saved)
 
     def lead(self) -> None:
         """Tells the spindle how fast to turn until the next tick; with a pump, the plan does."""

@@ -281,8 +281,7 @@ class Cycle:
         stock = self.stock
         assert stock is not None
         braked = stock.brakes_in(period + DELAY)
-        self.sync.played += 1
-        self.sync.braked += braked and not self._braked
+        self.sync.count_played(braked and not self._braked)
         self._go_on_as_played(period, played or self._how(period))
         self._braked = braked
 
@@ -296,9 +295,7 @@ class Cycle:
         self.sync_sent = True
         self.accepted_now = self.taken = 0
         self._replaced_s = math.inf
-        coupling = self.coupling
-        coupling.committed = stock.period - period
-        coupling.again = None if self.again is None else self.again.thread
+        self._commit(stock.period - period)
         if not modes.on_path:
             stock.moved_otherwise()
         elif assumed.by_hand and self.jogging.active:
@@ -314,10 +311,14 @@ class Cycle:
             go = goes and follow.goes(assumed.running, feed, rapid)
             self._along_path(go, stock.foreseen(assumed, self._replaced_s) if goes else None)
             self._look_ahead()
-        coupling.committed = 0
+        self._commit(0)
         if period > self._recorded:
             self._record(period)
         self._played = 0
+
+    def _commit(self, ticks: int) -> None:
+        """So many ticks, from the next step on, have gone out as they were foreseen."""
+        self.coupling.go_on(ticks, None if self.again is None else self.again.thread)
 
     def _record(self, period: int) -> None:
         """The row of a period."""
@@ -507,11 +508,7 @@ class Cycle:
         """
         self.accepted_now, self._replaced_s = 0, math.inf
         message = self._pieces.take()
-        if self._pieces.heard:
-            self._pieces.heard = False
-            self._silent = 0
-        else:
-            self._silent += 1
+        self._silent = 0 if self._pieces.was_heard() else self._silent + 1
         if message is None:
             return
         self.refusal = self._refusal(message, void)
@@ -600,7 +597,7 @@ class Cycle:
         follow.heed(modes.optional_stop, modes.single_block or modes.phase is _ENDING)
         running = modes.mode is _RUNNING
         self._waits = running and self._must_wait()
-        self.coupling.again = None if self.again is None else self.again.thread
+        self._commit(0)
         running = running and not self._waits
         go, foreseen = follow.goes(running, modes.override, modes.rapid_override), None
         if self.stock is not None and not self._arrived:
@@ -691,3 +688,8 @@ class Cycle:
     def publish(self) -> None:
         """What others see of it, where no tick was run."""
         self._status.publish()
+
+    def show_life(self) -> None:
+        """Likewise, in place of a tick: it lives."""
+        self.tick += 1
+        self.publish()

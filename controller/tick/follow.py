@@ -18,7 +18,7 @@ import math
 from collections import deque
 from collections.abc import Sequence
 from enum import IntEnum
-from typing import Final, Protocol
+from typing import Any, Final, Protocol
 
 from controller.geometry.vectors import ROUNDING
 from controller.ipc.handoff import Piece, PieceMessage
@@ -28,6 +28,7 @@ from controller.motion.motions import Motion
 from controller.motion.pieces import commit_lead_s
 from controller.state.queue_refusals import QueueRefusal
 from controller.tick.brake import Brake
+from controller.tick.changes import Changes
 from controller.tick.coupling import Coupling, Tie
 from controller.tick.path_clock import PathClock
 from controller.tick.queue import Entry, Queue
@@ -52,18 +53,9 @@ _UNKNOWN_MOTION: Final = QueueRefusal.UNKNOWN_MOTION
 _MOVED: Final = Step.MOVED  # looked up every tick, and an enum's members are slow to look up
 
 
-# What a step changes, so that it can be taken back: the number of the entry under the clock; joints, those
-# before and those before them; the clock, its rate; the stop; the tie; piece and place.
-State = tuple[
-    int,
-    tuple[Joints, Joints, Joints],
-    tuple[float, int],
-    float,
-    tuple[bool, float, float, float, int, int],
-    Tie | None,
-    Piece | None,
-    float,
-]
+_CHANGES: Final = Changes("_now", "joints", "last", "before", "rate", "piece", "s")
+# These, and those of clock, stop and tie.
+State = tuple[tuple[Any, ...], tuple[float, int], tuple[Any, ...] | None, Tie | None]
 
 
 class Foreseen(Protocol):
@@ -178,7 +170,8 @@ class Follow:
 
     def _empty(self) -> None:
         self._queue.clear(self._clock.tau)
-        self._brake.active = self._goes = False
+        self._brake.restore(None)
+        self._goes = False
         self._now = self._queue.first
         self._base = self.joints
         self.rate = self.feed = 0.0
@@ -196,13 +189,8 @@ class Follow:
 
     def go_on_as(self, other: Follow) -> None:
         """Takes over where another one is that follows the same queue."""
-        self.joints, self.last, self.before = other.joints, other.last, other.before
-        self._clock.restore(other._clock.save())
-        self._brake.go_on_as(other._brake)
-        self._now, self._base, self._goes = other._now, other._base, other._goes
-        self.rate, self.s, self.feed, self.piece = other.rate, other.s, other.feed, other.piece
-        if self.coupling.active or other.coupling.active:
-            self.coupling.restore(other.coupling.save())
+        self._go_back_to(other._state())
+        self._base, self._goes, self.feed = other._base, other._goes, other.feed
         self.optional_stop, self.single_block = other.optional_stop, other.single_block
 
     # -- taking pieces
@@ -394,8 +382,8 @@ class Follow:
             self._go_back_to(self._undo.pop())
 
     def _go_back_to(self, state: State) -> None:
-        self._now, here, clock, self.rate, stop, tie, self.piece, self.s = state
-        self.joints, self.last, self.before = here
+        own, clock, stop, tie = state
+        _CHANGES.put(self, own)
         self._clock.restore(clock)
         self._brake.restore(stop)
         self.coupling.restore(tie)
@@ -409,7 +397,7 @@ class Follow:
         if brake.over if brake.active else self._plan_rests():
             return False
         for _ in range(min(back, len(self._undo))):
-            now, *_ = self._undo[-1]
+            (now, *_), *_ = self._undo[-1]
             if now >= self._queue.first:  # it is still known
                 self.revert()
         if brake.active:
@@ -433,9 +421,10 @@ class Follow:
 
     def _remember(self) -> None:
         """Where it is, so that the next step can be taken back."""
-        here, clock = (self.joints, self.last, self.before), self._clock.save()
-        stop, tie = self._brake.save(), self.coupling.save()
-        self._undo.append((self._now, here, clock, self.rate, stop, tie, self.piece, self.s))
+        self._undo.append(self._state())
+
+    def _state(self) -> State:
+        return _CHANGES.of(self), self._clock.save(), self._brake.save(), self.coupling.save()
 
     def _take(self, joints: Joints, rate: float) -> None:
         self.before, self.last, self.joints = self.last, self.joints, joints
@@ -526,9 +515,9 @@ class Follow:
         piece = entry.piece
         if piece.sets:
             self.setting = piece
-            entry.piece = piece._replace(sets=False, outputs=(0, 0, ()))  # said once
+            entry.take_setting()
             return Step.SET
-        entry.piece = piece._replace(stop=False, optional_stop=False, block_end=False, end=False)
+        entry.take_marks()
         return Step.END if piece.end else Step.STOP
 
     def _describe(self) -> None:

@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Iterator
+from copy import copy
 
 from controller.ipc.handoff import DEAD_MAN_S, Jog
 from controller.machine.model import Axis, Joints, Machine
@@ -151,7 +152,7 @@ class Jogging:
         else:
             goes, self.speed = played > 0.0, played
         self.goes = goes
-        self._undo.append(ramp.copy())
+        self._undo.append(copy(ramp))
         ramp.step(self.speed)
         follow.move_to(self._place(ramp.p))
         if ramp.at_rest:
@@ -171,7 +172,7 @@ class Jogging:
 
     def ahead(self, periods: int) -> Iterator[Joints]:
         """The next so many steps, if nothing changes, and then a stop."""
-        ramp = self._ramp.copy()
+        ramp = copy(self._ramp)
         for _ in range(periods):
             ramp.step(self.speed)
             yield self._place(ramp.p)

@@ -32,10 +32,10 @@ class LawAlone(Coupling):
 
     def restore(self, saved: Tie | None) -> None:
         super().restore(saved)
-        if saved is not None and saved.move is not None:
-            before, earlier, *_ = saved.past.wanted
+        if saved is not None and self.move is not None:
+            before, earlier, *_ = self._past.wanted
             self._wanted = before, earlier
-            self.law = Law(saved.move, saved.s, 0.0, 0.0, before, 0.0, 0.0)
+            self.law = Law(self.move, self.s, 0.0, 0.0, before, 0.0, 0.0)
 
     def follow(self, move: ThreadMove, s: float, v: float, a: float) -> float:
         if self._spindle is None:

@@ -1,8 +1,8 @@
 """Limit switches on the inputs of the I/O node: an axis that goes on into one that is pressed has a fault.
 
-Away from it an axis may go at any time. Where the path leads, its command says which way it goes; a drive
-that homes by itself is seen by its position, and may give ``GIVE`` meanwhile. An input reads 1 where the
-switch is free, so a broken wire is a switch that is pressed.
+Away from it an axis may go at any time. Where the path leads, also to a stop for another fault, its command
+says which way it goes; a drive that homes by itself is seen by its position, and may give ``GIVE`` meanwhile.
+An input reads 1 where the switch is free, so a broken wire is a switch that is pressed.
 """
 
 from __future__ import annotations
@@ -11,13 +11,14 @@ import math
 from collections.abc import Sequence
 from typing import Final
 
-from controller.machine.model import Axis, Joints, Machine
+from controller.geometry.vectors import ROUNDING
+from controller.machine.kinematics.slides import Slides
+from controller.machine.model import Axis, Machine
 from controller.state.modes import Fault, Mode
 from controller.tick.mode import Modes
 
 GIVE = 0.1  # mm or degrees
 _HOMING: Final = Mode.HOMING
-_LED: Final = (Mode.RUNNING, Mode.HOLD, Mode.STOPPING, Mode.JOG)
 
 
 class LimitSwitches:
@@ -28,19 +29,27 @@ class LimitSwitches:
             end for i, axis in enumerate(machine.axes) for end in _ends(machine, i, axis, machine.period_s)
         ]
         self.present = bool(self._ends)
+        self._slides = Slides(machine.axes)
 
     def watch(
-        self, inputs: int, modes: Modes, new: Joints, last: Joints, actual: Sequence[float], ticks: int
+        self,
+        inputs: int,
+        modes: Modes,
+        new: Sequence[float],
+        last: Sequence[float],
+        actual: Sequence[float],
+        ticks: int,
     ) -> None:
         """``inputs``: 1 = free; ``new``, ``last``: the joints of the last two ticks; ``actual``: mm, rad."""
-        mode = modes.mode
+        homes, on_path, slides = modes.mode is _HOMING, modes.on_path, self._slides
+        if not slides.are_square:  # a switch is on a slide, which moves for the others, too
+            new, last, actual = slides.sent(new), slides.sent(last), slides.sent(actual)
         for end in self._ends:
             i = end.index
             given = end.follow(bool(inputs & end.bit), actual[i], ticks)
-            into = end.sense * (new[i] - last[i]) > 0.0 if mode in _LED else mode is _HOMING and given
+            into = end.sense * (new[i] - last[i]) > ROUNDING if on_path else homes and given
             if into and not inputs & end.bit:
                 modes.fail(Fault.LIMIT_SWITCH, i)
-                return
 
 
 class End:

@@ -314,8 +314,7 @@ class Loop:
                 group.receive(now_s)
                 group.sync(now_s)
                 group.command(group.positions, now_s)
-                cycle.tick += 1  # it lives
-                cycle.publish()
+                cycle.show_life()
 
     def _stop_by_pump(self, stock: Stock) -> None:
         """Quick stop for all by the pump, whose last plan brings it to silence."""
@@ -327,8 +326,7 @@ class Loop:
                 group.receive(now_s)
                 group.show(stock.memory)
                 group.send_events(now_s)
-                cycle.tick += 1  # it lives
-                cycle.publish()
+                cycle.show_life()
 
 
 def _at_once(cycle: Cycle, period_s: float) -> int:

@@ -29,25 +29,6 @@ from drives.pump.plan_memory import Memory
 class Parts:
     """What ``live_state`` names as the owners of its values, but for the cycle; and what else that calls."""
 
-    __slots__ = (
-        "adaptive",
-        "answers",
-        "chatter",
-        "check",
-        "coupling",
-        "encoder",
-        "follow",
-        "group",
-        "jogging",
-        "limit_switches",
-        "machine",
-        "modes",
-        "peripherals",
-        "probing",
-        "stock",
-        "sync",
-    )
-
     def __init__(
         self,
         machine: Machine,

@@ -67,6 +67,19 @@ class Entry:
         )
         return found
 
+    def take_marks(self) -> None:
+        """Its marks have been passed, or are another piece's now."""
+        self.piece = self.piece._replace(stop=False, optional_stop=False, block_end=False, end=False)
+
+    def take_setting(self) -> None:
+        """What it sets has been told."""
+        self.piece = self.piece._replace(sets=False, outputs=(0, 0, ()))
+
+    def cut_at(self, end_s: float) -> None:
+        """What follows it begins then."""
+        self.end_s = end_s
+        self.take_marks()
+
     @property
     def begins_at(self) -> float:
         """Where along its motion it begins: a way back to the path comes to the middle of one."""
@@ -202,9 +215,7 @@ class Queue:
         while entries and entries[-1].start_s > start_s - ROUNDING and entries[-1].end_s > start_s + ROUNDING:
             entries.pop()
         if entries and entries[-1].end_s > start_s + ROUNDING:
-            cut = entries[-1]
-            cut.end_s = start_s
-            cut.piece = cut.piece._replace(stop=False, optional_stop=False, block_end=False, end=False)
+            entries[-1].cut_at(start_s)
         self._count()
         return max(self.first, min(now, self.last))
 

@@ -25,18 +25,18 @@ whatever lies between the two.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 _ROUNDED = 1.0 + 1e-9
 _SPARE_TICKS = 3  # by which the quick estimate of a stop is too long
 
 
-class _Stop:
+class _Stop(NamedTuple):
     """One of the two stops that a landing is mixed of."""
 
-    __slots__ = ("a", "p", "v")
-
-    def __init__(self, p: float, v: float, a: float) -> None:
-        self.p, self.v, self.a = p, v, a
+    p: float
+    v: float
+    a: float
 
 
 class Ramp:
@@ -54,15 +54,6 @@ class Ramp:
     def at_rest(self) -> bool:
         return self.v == 0.0 and self.a == 0.0
 
-    def copy(self) -> Ramp:
-        """One that goes on from here by itself."""
-        found = Ramp(self._most_a, self._most_j, self._end)
-        found.p, found.v, found.a, found._share = self.p, self.v, self.a, self._share
-        if self._landing is not None:
-            now, later = self._landing
-            found._landing = _Stop(now.p, now.v, now.a), _Stop(later.p, later.v, later.a)
-        return found
-
     def stand(self, back: bool) -> None:
         """At rest at once, with the last step taken back if ``back``."""
         if back:
@@ -73,16 +64,15 @@ class Ramp:
     def step(self, speed: float) -> None:
         """One tick on, towards ``speed`` (>= 0, per tick)."""
         if self._landing is not None:
-            for one in self._landing:
-                self._stop(one)
-            self._mix(*self._landing)
+            now, later = self._landing
+            self._mix(self._stop(now), self._stop(later))
             return
         a = self._towards(self.v, self.a, speed)
         v = _sum(self.v, a, speed)
         if speed == 0.0 or self._fits(v, a):
             self.p, self.v, self.a = self.p + v, v, a
         else:
-            self._mix(*self._begin_landing(v, a))
+            self._begin_landing(v, a)
 
     def _towards(self, v: float, a: float, speed: float) -> float:
         """The acceleration of the next tick."""
@@ -120,28 +110,27 @@ class Ramp:
             length += v
         return length
 
-    def _begin_landing(self, v: float, a: float) -> tuple[_Stop, _Stop]:
+    def _begin_landing(self, v: float, a: float) -> None:
         """A stops from here, B from (v, a) one tick later; both have this tick behind them then."""
         now, later = _Stop(self.p, self.v, self.a), _Stop(self.p + v, v, a)
         short = self.p + self._stop_length(self.v, self.a)
         far = later.p + self._stop_length(v, a)
         self._share = min(max(0.0, (self._end - short) / (far - short)), 1.0)
-        self._stop(now)
-        self._landing = now, later
-        return self._landing
+        self._mix(self._stop(now), later)
 
     def _mix(self, now: _Stop, later: _Stop) -> None:
-        share = self._share
+        share, self._landing = self._share, (now, later)
         self.p = now.p + share * (later.p - now.p)
         self.v = now.v + share * (later.v - now.v)
         self.a = now.a + share * (later.a - now.a)
         if self.at_rest:
             self._landing = None
 
-    def _stop(self, one: _Stop) -> None:
-        one.a = self._towards(one.v, one.a, 0.0)
-        one.v = _sum(one.v, one.a, 0.0)
-        one.p += one.v
+    def _stop(self, one: _Stop) -> _Stop:
+        """One tick on."""
+        a = self._towards(one.v, one.a, 0.0)
+        v = _sum(one.v, a, 0.0)
+        return _Stop(one.p + v, v, a)
 
 
 def _sum(v: float, a: float, speed: float) -> float:

@@ -10,7 +10,7 @@ from typing import Any, Final
 
 from controller.ipc.handoff import ROW, STANDSTILL, Recorder, SnapshotBoard
 from controller.machine.model import Machine
-from controller.state.live_state import OWNERS, Flat, again, gather
+from controller.state.live_state import DRIVES, OWNERS, Flat, again, gather
 from controller.state.modes import Fault
 from controller.tick.parts import Parts
 
@@ -24,14 +24,10 @@ class StatusPublisher:
     def __init__(self, cycle: object, parts: Parts, snapshot: SnapshotBoard, recorder: Recorder) -> None:
         """``cycle``: that of these parts, which owns values of the live state, too."""
         machine, group = parts.machine, parts.group
-        self._group, self._modes, self._follow, self._jogging = (
-            group,
-            parts.modes,
-            parts.follow,
-            parts.jogging,
-        )
+        self._group, self._modes = group, parts.modes
+        self._follow, self._jogging = parts.follow, parts.jogging
         self._encoder = parts.encoder
-        others = {"status": self, "cycle": cycle}
+        others = {"status": self, "cycle": cycle, DRIVES: group.drives}
         self._owners = tuple([others.get(name) or getattr(parts, name) for name in OWNERS])
         self._gather = gather(len(machine.axes))
         self._snapshot, self._recorder = snapshot, recorder
@@ -39,9 +35,7 @@ class StatusPublisher:
         self._last: Flat = ()  # of the last tick
         self.motion_id = STANDSTILL
         self.cutting = False
-        self.drive_states = [0] * len(group.drives)
-        self.malformed = [0] * len(group.drives)
-        self.missed, self.overdue = [-1] * len(group.drives), [0] * len(group.drives)
+        self._loads = [(i, drive.load) for i, drive in enumerate(group.drives) if drive.load is not None]
         self.load_off = [0.0] * len(group.drives)
         self.fault_off = 0.0
         self.bus_share = 0.0
@@ -75,15 +69,11 @@ class StatusPublisher:
         self._recorder.fill(values[:_COLUMNS])
 
     def _look(self) -> None:
-        piece, states, malformed = self._follow.piece, self.drive_states, self.malformed
-        missed, overdue = self.missed, self.overdue
+        piece = self._follow.piece
         self.motion_id = piece.motion_id if piece else STANDSTILL
         self.cutting = piece is not None and piece.cutting and not self._jogging.active
-        for i, drive in enumerate(self._group.drives):
-            states[i], malformed[i] = drive.state, drive.malformed
-            missed[i], overdue[i] = drive.missed, drive.overdue
-            if drive.load is not None:
-                self.load_off[i] = self._encoder.to_units(i, drive.load.off)
+        for i, load in self._loads:
+            self.load_off[i] = self._encoder.to_units(i, load.off)
         self.fault_off = self._off()
 
     def _off(self) -> float:

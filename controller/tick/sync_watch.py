@@ -114,6 +114,11 @@ class SyncWatch:
         self.skips += not sent
         self._measure(lateness_s, periods, felt + (not sent))
 
+    def count_played(self, braked: bool) -> None:
+        """A period whose tick was not run; ``braked``: with it the axes have begun to brake."""
+        self.played += 1
+        self.braked += braked
+
     def _measure(self, lateness_s: float, ticks: int, late: int) -> None:
         self.lateness_s = lateness_s
         if lateness_s > self.late_max_s:

@@ -17,7 +17,7 @@ from controller.messages import Message, message
 from controller.motion.motions import SurfaceCut
 from controller.plan.report.stored import Overcut
 from controller.plan.report.verdict import Verdict
-from controller.plan.stretch import Chain, Note, Pause, Stretch
+from controller.plan.segment import Note, PathItem, Segment
 from controller.program.program import Block, Place, ProgramError
 from controller.verify import passes, wording
 from controller.verify.gouges import Findings, Gouge, gouges, in_table
@@ -27,26 +27,26 @@ MAX_WAYS = 20_000  # motions beside cuts that are kept: it bounds the memory
 
 
 class Watched:
-    """The items of a path as they go by, and what is kept of them: stretches by motion id."""
+    """The items of a path as they go by, and what is kept of them: segments by motion id."""
 
-    def __init__(self, items: Iterable[Chain | Pause]) -> None:
+    def __init__(self, items: Iterable[PathItem]) -> None:
         self._items = items
-        self.stretches: dict[int, Stretch] = {}
+        self.segments: dict[int, Segment] = {}
         self.left_out = 0
 
-    def over(self, items: Iterable[Chain | Pause]) -> Watched:
+    def over(self, items: Iterable[PathItem]) -> Watched:
         """Itself, to watch these."""
         self._items = items
         return self
 
-    def __iter__(self) -> Iterator[Chain | Pause]:
+    def __iter__(self) -> Iterator[PathItem]:
         number, ways = count(), 0
         for item in self._items:
-            for stretch in item.stretches:
-                k, is_cut = next(number), isinstance(stretch.motion, SurfaceCut)
+            for segment in item.segments:
+                k, is_cut = next(number), isinstance(segment.motion, SurfaceCut)
                 ways += not is_cut
                 if is_cut or ways <= MAX_WAYS:
-                    self.stretches[k] = stretch
+                    self.segments[k] = segment
                 else:
                     self.left_out += 1
             yield item
@@ -78,13 +78,13 @@ def audit(
     ``read`` gives the program's blocks once more, for the tools; it is not called where
     nothing could be gouged. ``progress`` gets the share of the surfaces that is looked at.
     """
-    stretches = watched.stretches
-    if machine.table is None and not any(isinstance(s.motion, SurfaceCut) for s in stretches.values()):
+    segments = watched.segments
+    if machine.table is None and not any(isinstance(s.motion, SurfaceCut) for s in segments.values()):
         return Audit([], [], [])
     fitted = passes.Fitted.of(read(), machine)
-    findings = findings_of(stretches, fitted, machine, kinematics, progress, spread)
+    findings = findings_of(segments, fitted, machine, kinematics, progress, spread)
     found = findings.gouges
-    places = _places(stretches.values())
+    places = _places(segments.values())
     if found and machine.gouge == "refuse":
         raise _refusal(found, _place(places, found[0].by_line), name)
     exceeding = [one for one in findings.verdicts if not one.within]
@@ -101,10 +101,10 @@ def audit(
     return Audit(notes, findings.overcuts, findings.verdicts)
 
 
-def _places(stretches: Iterable[Stretch]) -> dict[int, Place]:
+def _places(segments: Iterable[Segment]) -> dict[int, Place]:
     """By lines of the program; one that calls a file with several of them stands for itself."""
     found: dict[int, Place] = {}
-    for place in (stretch.place for stretch in stretches):
+    for place in (segment.place for segment in segments):
         known = found.setdefault(place.line, place)
         if known.file_line != place.file_line:
             found[place.line] = Place(place.line, 1)
@@ -136,7 +136,7 @@ def _form_refusal(verdicts: list[Verdict], places: Mapping[int, Place], name: st
 
 
 def findings_of(
-    stretches: dict[int, Stretch],
+    segments: dict[int, Segment],
     fitted: passes.Fitted,
     machine: Machine,
     kinematics: Kinematics,
@@ -147,10 +147,10 @@ def findings_of(
 
     It is the one judgement of a plan: ``check``, ``verify`` and ``fit`` report what it finds.
     """
-    surfaces = passes.nominals(stretches, fitted)
-    near = passes.planned(stretches, surfaces, fitted, kinematics, rough=True) if surfaces else {}
+    surfaces = passes.nominals(segments, fitted)
+    near = passes.planned(segments, surfaces, fitted, kinematics, rough=True) if surfaces else {}
     found = gouges(surfaces, near, machine.max_overcut_mm, progress, spread=spread)
     if machine.table is None:
         return found
-    table = in_table(machine.table, passes.rough(stretches, fitted, kinematics))
+    table = in_table(machine.table, passes.rough(segments, fitted, kinematics))
     return replace(found, gouges=sorted([*found.gouges, *table], key=lambda one: one.by_line))

@@ -1,4 +1,4 @@
-"""The bus budget as text, 80 columns wide: who sends what when, and what is left."""
+"""The bus budget as text, 80 columns wide, and as a picture: who sends what when, and what is left."""
 
 from __future__ import annotations
 

@@ -132,6 +132,12 @@ class Refused(Exception):
         self.facts = facts
 
 
+class Undecided(Refused):
+    """Ends it with exit code 9: nothing speaks against it yet, and something that was not named decides."""
+
+    exit_code = 9
+
+
 class Misunderstood(Refused):
     """Ends it with exit code 2, where 1 is what a good file may lead to: nothing was run."""
 

@@ -120,7 +120,7 @@ def trial(asked: Asked, tool: Tool, strategy: Strategy, tolerance_mm: float) -> 
     except ProgramError as refused:
         return Trial(math.inf, refused.said)
     fitted = passes.Fitted.of([block], machine)
-    found = findings_of(watched.stretches, fitted, machine, kinematics)
+    found = findings_of(watched.segments, fitted, machine, kinematics)
     if found.gouges:
         return Trial(math.inf, found.gouges[0].message)
     return Trial(max(one.largest_mm for one in found.verdicts))

@@ -30,7 +30,7 @@ from controller.machine.tool_profile import Body, whole
 from controller.messages import Key, Message, message, text
 from controller.plan.report.stored import Overcut
 from controller.plan.report.verdict import Verdict
-from controller.plan.stretch import motion_named
+from controller.plan.segment import motion_named
 from controller.plan.surfaces.leads import LEADS
 from controller.verify import forms
 from controller.verify.looks import MIN_MM, NOT_CUT, Hurt, SurfaceGrid, blunts_of

@@ -13,7 +13,7 @@ import numpy as np
 
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine
-from controller.plan.stretch import Stretch
+from controller.plan.segment import Segment
 from controller.program.program import Block
 from controller.verify import passes
 from controller.verify.judge import Cutting, Field, Map, Worst, Zone
@@ -26,7 +26,7 @@ MAX_MAPS = 40  # surfaces that get a map: those of a program's beginning
 
 
 def maps(
-    stretches: Mapping[int, Stretch],
+    segments: Mapping[int, Segment],
     read: Callable[[], Iterable[Block]],
     machine: Machine,
     kinematics: Kinematics,
@@ -36,10 +36,10 @@ def maps(
     ``read`` gives the program's blocks, for the tools.
     """
     fitted = passes.Fitted.of(read(), machine)
-    surfaces = passes.nominals(stretches, fitted)
+    surfaces = passes.nominals(segments, fitted)
     if not surfaces:
         return {}
-    near = passes.planned(stretches, surfaces[:MAX_MAPS], fitted, kinematics, rough=True)
+    near = passes.planned(segments, surfaces[:MAX_MAPS], fitted, kinematics, rough=True)
     cutting = Cutting(near, surfaces)
     rows = [_row(one, *Field(one, cutting).once(*GRID)) for one in surfaces[:MAX_MAPS]]
     deepest = {name: max(row[name] for row in rows) for name in ("overcut_mm", "undercut_mm")}

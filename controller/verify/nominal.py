@@ -30,7 +30,7 @@ class Nominal:
     side: float  # +1: the cutter is on Eq. 5's side (right of the travel), -1: on the left
     tool: Tool
     line: int  # of the program
-    motion: int = -1  # which stretch of the path cuts it
+    motion: int = -1  # which segment of the path cuts it
     allowance_mm: float = 0.0  # what is to stay on it
     tolerance_mm: float | None = None  # of its form; None: none is asked for
     joint_tolerance_mm: float = 0.0  # what a neighbour may take off it, where they meet in a corner

@@ -89,7 +89,7 @@ class Method:
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class PaperPart:
     """One of the paper's two parts at one reading of its programmed feed."""
 
     name: str
@@ -109,7 +109,7 @@ class PaperComparison:
     length_mm: float  # of C1 of Eq. 7
     feed_mm_s: float
     methods: tuple[Method, ...]
-    parts: tuple[Part, ...]
+    parts: tuple[PaperPart, ...]
 
     def to_dict(self) -> dict[str, Any]:
         """Plain lists, dicts and numbers, for JSON; in English, as names of what was computed."""
@@ -338,7 +338,7 @@ def _whole(v: Vector, like: Array) -> Vector:
     return x, y, z
 
 
-def _parts() -> tuple[Part, ...]:
+def _parts() -> tuple[PaperPart, ...]:
     slow, fast = "f10000", "f100000"
     return (
         _part("paper.example_1", example_1(), fast, 1000.0, 65.0, "paper.as_printed"),
@@ -349,8 +349,8 @@ def _parts() -> tuple[Part, ...]:
 
 def _part(
     name: str, surfaces: tuple[Surface, ...], word: str, feed_mm_min: float, reported_s: float, note: str
-) -> Part:
+) -> PaperPart:
     lengths = tuple(arc_length.of(surface.lower).length_mm for surface in surfaces)
     cut_time_s = sum(lengths) / (feed_mm_min / 60.0)
     setpoints = math.ceil(cut_time_s / SETPOINT_PERIOD_S)
-    return Part(name, word, lengths, feed_mm_min, cut_time_s, setpoints, reported_s, note)
+    return PaperPart(name, word, lengths, feed_mm_min, cut_time_s, setpoints, reported_s, note)

@@ -22,7 +22,7 @@ from controller.machine.tool_profile import whole
 from controller.motion.motions import SurfaceCut, ToolSpline
 from controller.plan.path.outputs import PROBE
 from controller.plan.rotaries.branch import joints_along
-from controller.plan.stretch import Stretch
+from controller.plan.segment import Segment
 from controller.plan.surfaces.blending import allowed_by
 from controller.plan.surfaces.cuts import strategy, tolerance_mm
 from controller.program.program import Block
@@ -91,16 +91,16 @@ class Fitted:
         return max(0, int(np.searchsorted(self.orders, order, side="right")) - 1)
 
 
-def nominals(stretches: Mapping[int, Stretch], fitted: Fitted) -> list[Nominal]:
+def nominals(segments: Mapping[int, Segment], fitted: Fitted) -> list[Nominal]:
     """The surfaces that a path cuts, in its order."""
     found = []
-    for number, stretch in stretches.items():
-        motion = stretch.motion
-        if isinstance(motion, SurfaceCut) and stretch.cutting:  # no pivot of placed axes
+    for number, segment in segments.items():
+        motion = segment.motion
+        if isinstance(motion, SurfaceCut) and segment.cutting:  # no pivot of placed axes
             side = -1.0 if motion.offset_mm < 0.0 else 1.0
-            line, order = stretch.place.line, stretch.place.order
+            line, order = segment.place.line, segment.place.order
             tool, form = fitted.at(order), fitted.form(order)
-            one = Nominal(motion.surface, motion.part, side, tool, line, number, *form, share=stretch.share)
+            one = Nominal(motion.surface, motion.part, side, tool, line, number, *form, share=segment.share)
             found.append(one)
     return found
 
@@ -127,7 +127,7 @@ def extent_mm(surfaces: Sequence[Nominal]) -> float:
 
 
 def planned(
-    stretches: Mapping[int, Stretch],
+    segments: Mapping[int, Segment],
     surfaces: Sequence[Nominal],
     fitted: Fitted,
     kinematics: Kinematics,
@@ -141,22 +141,22 @@ def planned(
     found: dict[Tool, list[Pass]] = {}
     balls, probes = Balls.of(surfaces), False
     extent = balls.extent_mm
-    for number, stretch in stretches.items():
-        probed, probes = probes, stretch.name == PROBE
+    for number, segment in segments.items():
+        probed, probes = probes, segment.name == PROBE
         if probed or probes:
             continue
-        tool = fitted.at(stretch.place.order)
+        tool = fitted.at(segment.place.order)
         bodies = whole(tool, extent)
         top, reach = (max(body.top_mm for body in bodies), max(body.widest_mm for body in bodies))
-        poses, height = _poses(stretch, tool, kinematics), height_mm(tool, surfaces)
-        end = stretch.motion.end
-        span = (0.0, end) if stretch.cutting else _near(poses, end, top, reach, balls)
+        poses, height = _poses(segment, tool, kinematics), height_mm(tool, surfaces)
+        end = segment.motion.end
+        span = (0.0, end) if segment.cutting else _near(poses, end, top, reach, balls)
         if span is None:
             continue
         start, end = span
         step, fit = step_mm(tool, rough), ROUGH_FIT_MM if rough else FIT_MM
         s, tips, axes = sampled(_from(poses, start), end - start, step, height, fit)
-        row = _pass(stretch, s + start, tips, axes, number)
+        row = _pass(segment, s + start, tips, axes, number)
         found.setdefault(tool, []).append(row)
     return found
 
@@ -165,32 +165,32 @@ def _from(poses: Poses, start: float) -> Poses:
     return lambda s: poses(s + start)
 
 
-def _pass(stretch: Stretch, s: Array, tips: Array, axes: Array, number: int) -> Pass:
-    motion, lines, begun = stretch.motion, tuple[int, ...](), tuple[float, ...]()
+def _pass(segment: Segment, s: Array, tips: Array, axes: Array, number: int) -> Pass:
+    motion, lines, begun = segment.motion, tuple[int, ...](), tuple[float, ...]()
     if isinstance(motion, ToolSpline):
         lines, begun = tuple(motion.lines), tuple(motion.lines_s)
-    feeding = stretch.feed_mm_s is not None
-    return Pass(s, tips, axes, stretch.place.line, stretch.name, number, feeding, lines, begun)
+    feeding = segment.feed_mm_s is not None
+    return Pass(s, tips, axes, segment.place.line, segment.name, number, feeding, lines, begun)
 
 
 def rough(
-    stretches: Mapping[int, Stretch], tool_of: Fitted, kinematics: Kinematics
+    segments: Mapping[int, Segment], tool_of: Fitted, kinematics: Kinematics
 ) -> list[tuple[Tool, Pass]]:
     """Every motion of a path, sampled coarsely: enough for tables."""
     found = []
-    for number, stretch in stretches.items():
-        tool = tool_of.at(stretch.place.order)
+    for number, segment in segments.items():
+        tool = tool_of.at(segment.place.order)
         height = max(body.top_mm for body in whole(tool))
         s, tips, axes = sampled(
-            _poses(stretch, tool, kinematics), stretch.motion.end, ROUGH_MM, height, ROUGH_FIT_MM
+            _poses(segment, tool, kinematics), segment.motion.end, ROUGH_MM, height, ROUGH_FIT_MM
         )
-        found.append((tool, _pass(stretch, s, tips, axes, number)))
+        found.append((tool, _pass(segment, s, tips, axes, number)))
     return found
 
 
-def _poses(stretch: Stretch, tool: Tool, kinematics: Kinematics) -> Poses:
+def _poses(segment: Segment, tool: Tool, kinematics: Kinematics) -> Poses:
     def poses(s: Array) -> tuple[Array, Array]:
-        return forward(joints_along(stretch, s, kinematics), tool.length_mm, kinematics)
+        return forward(joints_along(segment, s, kinematics), tool.length_mm, kinematics)
 
     return poses
 

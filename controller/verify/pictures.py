@@ -26,15 +26,7 @@ from controller.verify.trace import HasMotion, Summary, Trace, following_error, 
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
 
 PIXELS, INCHES, DPI = (1600, 1000), (16.0, 12.0), 100
 # Okabe and Ito's palette: its colours differ for every kind of colour vision, in print too.
@@ -63,9 +55,9 @@ def _laid_out(title: str) -> Figure:
     return figure
 
 
-def cut_picture(trace: Trace, machine: Machine, stretches: Mapping[int, HasMotion], path: str | Path) -> None:
-    """Draw a trace as PNG, 1600 x 1000 pixels. ``stretches`` by motion id give the surfaces."""
-    cuts = [s.motion for s in stretches.values() if isinstance(s.motion, SurfaceCut)]
+def cut_picture(trace: Trace, machine: Machine, segments: Mapping[int, HasMotion], path: str | Path) -> None:
+    """Draw a trace as PNG, 1600 x 1000 pixels. ``segments`` by motion id give the surfaces."""
+    cuts = [s.motion for s in segments.values() if isinstance(s.motion, SurfaceCut)]
     figure = _figure(say("plot.title", name=machine.name))
     figures = summary(trace, machine, kinematics_of(machine), cuts[0].length_mm if cuts else 0.0)
     for height, line in zip((0.925, 0.899), _lines(figures, trace), strict=True):

@@ -36,7 +36,7 @@ class Pass:
     axes: Array
     line: int  # of the program
     name: str  # 'cut', 'lead in', 'line', ...
-    motion: int = -1  # which stretch of the path
+    motion: int = -1  # which segment of the path
     feeding: bool = True
     lines: tuple[int, ...] = ()  # of the program, where one motion is of many ...
     lines_s: tuple[float, ...] = ()  # ... and where each begins

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import heapq
+import json
+import tempfile
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING, Any, TextIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,14 +19,16 @@ from controller.plan.report.stored import Overcut
 from controller.plan.report.survey import MAX_SHARES, BlockUse, Survey
 from controller.plan.report.tally import Bound, Part, bounds
 from controller.plan.report.works import CUTS
-from controller.plan.stretch import motion_named
+from controller.plan.segment import motion_named
 from controller.verify.console import say, word
-from controller.verify.rows import Rows as Blocks
 
 if TYPE_CHECKING:
+    from rich.console import Console
     from rich.table import Table
 
-Rows = Iterator[tuple[str, str]]
+    from controller.verify.paper import Errors, Method, PaperComparison, PaperPart, Printed
+
+_Pairs = Iterator[tuple[str, str]]
 
 
 MIN_SHARE = 0.005  # of the time; what binds for less is not worth a word in a table
@@ -33,7 +38,7 @@ FULL = 1.0005  # of a limit: 100.1 % in the table
 MAX_HOLES = 40  # of the table; JSON has more
 
 
-def blocks(rows: Blocks) -> Table:
+def blocks(rows: Rows) -> Table:
     """What ``check`` found out about every block, or about those that take longest."""
     table = headed("table.blocks", ("line", "what", "length", "time", "feed", "binds"), left=("what",))
     table.columns[-1].no_wrap, table.columns[-1].justify = False, "left"
@@ -203,7 +208,7 @@ def figures(title: str, values: Mapping[str, Any]) -> Table:
     return table
 
 
-def _run(values: Mapping[str, Any]) -> Rows:
+def _run(values: Mapping[str, Any]) -> _Pairs:
     fault = f": {values['fault']}" if values["fault"] else ""
     yield say("table.program"), Path(values["program"]).name
     yield say("table.result"), word(f"result.{values['result']}", values["result"]) + fault
@@ -218,7 +223,7 @@ def _run(values: Mapping[str, Any]) -> Rows:
         yield say("table.events_left"), say("table.not_sent", count=left)
 
 
-def _errors(values: Mapping[str, Any]) -> Rows:
+def _errors(values: Mapping[str, Any]) -> _Pairs:
     errors: Mapping[str, float] = values["following_error"]
     for unit, names in (("mm", "XYZ"), ("deg", "ABC")):
         largest = ", ".join(f"{name} {error:.3f}" for name, error in errors.items() if name in names)
@@ -232,10 +237,143 @@ def _errors(values: Mapping[str, Any]) -> Rows:
         yield say("table.speed"), say("table.real_time", times=values["times_real_time"])
 
 
-def _syncs(values: Mapping[str, Any]) -> Rows:
+def _syncs(values: Mapping[str, Any]) -> _Pairs:
     for bus, sync in values.get("sync", {}).items():
         ms = ("p50_s", "p99_s", "p999_s", "max_s")
         yield say("table.sync", bus=bus), "p50 / p99 / p99.9 / max"
         yield "", " / ".join(f"{1e3 * sync[key]:.3f}" for key in ms) + " ms"
         share = f"{100 * sync['outside_share']:.3f} %"
         yield say("table.outside"), say("table.of", part=share, whole=sync["count"])
+
+
+# ---- the blocks of a check on their way to the reader --------------------------------------
+
+
+MAX_ROWS = 40  # of the table; JSON has all
+IN_MEMORY = 1 << 20  # bytes of JSON before they go to a file
+CHUNK = 1 << 16
+
+
+class Rows:
+    """Takes blocks one by one; memory does not grow with their number."""
+
+    def __init__(self) -> None:
+        self.count = 0
+        self.left_out = 0  # that move, but not as long as the longest
+        self._longest: list[tuple[float, int, BlockUse]] = []
+        self._text: IO[str] = tempfile.SpooledTemporaryFile(IN_MEMORY, "w+", encoding="utf-8")  # noqa: SIM115
+
+    def take(self, block: BlockUse) -> None:
+        """The next block."""
+        self._text.write(("," if self.count else "") + json.dumps(block.to_dict()))
+        self.count += 1
+        took_s = sum(part.time_s for part in (block.own, block.approach, block.departure) if part)
+        if took_s == 0.0:
+            return
+        row = (took_s, -self.count, block)
+        if len(self._longest) < MAX_ROWS:
+            heapq.heappush(self._longest, row)
+        else:
+            heapq.heappushpop(self._longest, row)
+            self.left_out += 1
+
+    @property
+    def longest(self) -> list[BlockUse]:
+        """The blocks that take longest, in the order of the program."""
+        return [block for _, _, block in sorted(self._longest, key=lambda row: -row[1])]
+
+    def write(self, facts: dict[str, Any], out: TextIO) -> None:
+        """One JSON object on one line: the facts, and all blocks as ``blocks``."""
+        out.write(json.dumps(facts)[:-1] + ', "blocks": [')
+        self._text.seek(0)
+        while chunk := self._text.read(CHUNK):
+            out.write(chunk)
+        out.write("]}\n")
+
+
+# ---- the comparison of the paper -----------------------------------------------------------
+
+
+FIGURES = ("contour", "axis", "nearest", "feed_share", "by_axis", "in_all")
+OF_PARTS = ("length", "feed", "cut", "reported", "setpoints")
+
+
+def paper(comparison: PaperComparison, console: Console) -> None:
+    """Print the comparison as two tables, each with a line on how to read it."""
+    figures = {"feed": comparison.feed_mm_s, "length": comparison.length_mm}
+    console.print(say("paper.title", **figures), highlight=False)
+    console.print(_methods(comparison.methods))
+    console.print(say("paper.of_methods"), style="dim", highlight=False)
+    console.print()
+    console.print(_paper_parts(comparison.parts))
+    console.print(say("paper.of_parts"), style="dim", highlight=False)
+
+
+def _bare_table() -> Table:
+    from rich import box
+    from rich.table import Table
+
+    return Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=0)
+
+
+def _methods(methods: tuple[Method, ...]) -> Table:
+    table = _bare_table()
+    table.add_column(say("paper.head.method"), min_width=18, no_wrap=True)
+    table.add_column(say("paper.head.where"), min_width=7, no_wrap=True)
+    for head in FIGURES:
+        table.add_column(say(f"paper.head.{head}"), justify="right", no_wrap=True)
+    for method in methods:
+        rows = [(say("paper.at"), *_figures(method.at)), (say("paper.between"), *_figures(method.between))]
+        if method.printed is not None:
+            rows.append((say("paper.printed"), *_printed(method.printed)))
+        titles = (*_title(method), *[""] * len(rows))
+        for i, (title, row) in enumerate(zip(titles, rows, strict=False)):
+            style = "dim" if i > 1 else ""
+            table.add_row(title, *row, style=style, end_section=i == len(rows) - 1)
+    return table
+
+
+def _title(method: Method) -> tuple[str, str]:
+    period = "" if method.period_s is None else f", {method.period_s * 1e3:g} ms"
+    return say(method.name) + period, say(f"paper.linear.{method.between_samples}")
+
+
+def _figures(e: Errors) -> tuple[str, ...]:
+    figures = (
+        1e3 * e.contour_mm,
+        e.axis_deg,
+        e.axis_at_contact_deg,
+        100.0 * e.feed_share,
+        e.position_um,
+        e.machine_um,
+    )
+    return tuple(map(_short, figures))
+
+
+def _printed(p: Printed) -> tuple[str, ...]:
+    contour_um = None if p.contour_mm is None else 1e3 * p.contour_mm
+    cells = (contour_um, p.axis_deg, None, None, p.position_um, None)
+    return tuple("" if cell is None else f"{cell:g}" for cell in cells)
+
+
+def _short(value: float) -> str:
+    """Three digits; what is nothing but rounding reads 0."""
+    return "0" if abs(value) < 1e-8 else f"{value:.3g}"
+
+
+def _paper_parts(parts: tuple[PaperPart, ...]) -> Table:
+    table = _bare_table()
+    table.add_column(say("paper.head.part"), min_width=28, no_wrap=True)
+    for head in OF_PARTS:
+        table.add_column(say(f"paper.head.{head}"), justify="right", no_wrap=True)
+    for part in parts:
+        table.add_row(
+            f"{say(part.name)}\n  {part.feed_word}: {say(part.note)}",
+            "\n".join(f"{length:.4f}" for length in part.lengths_mm),
+            f"{part.feed_mm_min:g}",
+            f"{part.cut_time_s:.2f}",
+            f"{part.reported_s:g}",
+            str(part.setpoints),
+            end_section=True,
+        )
+    return table

@@ -43,7 +43,7 @@ _NEEDED = {"tick", "mode", "motion_id", "line", "cutting", "s", "feed_mm_s"} | {
 
 
 class HasMotion(Protocol):
-    """What a trace needs of a stretch of the path."""
+    """What a trace needs of a segment of the path."""
 
     @property
     def motion(self) -> Motion: ...
@@ -145,13 +145,13 @@ def from_rows(
     rows: Array,
     machine: Machine,
     kinematics: Kinematics,
-    stretches: Mapping[int, HasMotion],
+    segments: Mapping[int, HasMotion],
     setups: Mapping[int, Setup] | None = None,
     first_tick: int | None = None,
 ) -> Trace:
     """The trace of recorder rows, shape (N, len(ROW)).
 
-    ``stretches`` and ``setups`` are by motion id. A surface cut brings its setup itself;
+    ``segments`` and ``setups`` are by motion id. A surface cut brings its setup itself;
     a motion without one takes that of the cut it leads to, or comes from; a program
     without cuts takes G54 and T1. Row 0 of the trace is ``first_tick``, by default the
     first row of a running machine, so homing stays out.
@@ -159,10 +159,10 @@ def from_rows(
     rows = rows[_start(rows, first_tick) :]
     axes = len(machine.axes)
     joints = rows[:, of_axes("joint_command", axes)]
-    motions = {motion_id: stretch.motion for motion_id, stretch in stretches.items()}
+    motions = {motion_id: segment.motion for motion_id, segment in segments.items()}
     setup_rows = _setup_rows(rows, motions, setups or {}, machine)
     tip, axis = _on_the_part(joints, kinematics, setup_rows)
-    contact, u = _contacts(rows, tip, stretches)
+    contact, u = _contacts(rows, tip, segments)
     return Trace(
         time_s=(rows[:, COLUMN["tick"]] - rows[:1, COLUMN["tick"]]) * machine.period_s,
         joint_command=joints * _shown_per_unit(machine),
@@ -228,16 +228,16 @@ def _on_the_part(
     return tip, axis
 
 
-def _contacts(rows: Array, tip: Array, stretches: Mapping[int, HasMotion]) -> tuple[Array, Array]:
+def _contacts(rows: Array, tip: Array, segments: Mapping[int, HasMotion]) -> tuple[Array, Array]:
     """(contact (N, 3), u (N,) of its block): back from the tip (Eq. 5); NaN when not cutting."""
     contact, u = np.full((len(rows), 3), np.nan), np.full(len(rows), np.nan)
     ids, cutting = rows[:, COLUMN["motion_id"]], rows[:, COLUMN["cutting"]] != 0.0
-    for motion_id, stretch in stretches.items():
-        motion, here = stretch.motion, np.flatnonzero((ids == motion_id) & cutting)
+    for motion_id, segment in segments.items():
+        motion, here = segment.motion, np.flatnonzero((ids == motion_id) & cutting)
         if isinstance(motion, SurfaceCut) and len(here):
             own = motion.arc.u_along(rows[here, COLUMN["s"]])
             contact[here] = tip[here] - _offset(motion, own)
-            u[here] = stretch.block_u(own)
+            u[here] = segment.block_u(own)
     return contact, u
 
 

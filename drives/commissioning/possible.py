@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
+from typing import Any, NamedTuple
 
 from canopen.objectdictionary import ODVariable
 
@@ -21,14 +22,21 @@ from drives.commissioning.values import shown_at
 from drives.commissioning.wanted import RPDO, Pdo, Setting, Settings, where
 from drives.profile import Profile, Supervision
 from drives.settings import IoSettings, MasterSettings, NodeSettings, SpindleSettings
-from drives.texts import Key, Message, message, once, plain
+from drives.texts import Key, Message, chain, message, once, plain
 
 INTO, OUT_OF = ("wo", "rw", "rww"), ("ro", "rw", "rwr")  # access of what an RPDO, a TPDO may hold
 PERIOD, PERIOD_PROBLEM = 0x60C2, "on_paper.period"
+LAST_SEARCH = 34  # of the homing methods that move the axis
 MAX_BITS = 64  # of process data in a frame
 
 # Objects of which a person can change the value: what, is the text ``on_paper.do.60C2`` for one.
 CHANGEABLE = (0x60C2, 0x6065, 0x607D, 0x6098, 0x6099, 0x609A, 0x1800, 0x100C, 0x100D, 0x1016, 0x6007)
+# What a machine file may say of units, as one of these or another number.
+UNITS_OF_A_MACHINE: tuple[dict[str, Any], ...] = (
+    {"velocity_unit_counts_s": 1.0},
+    {"counts_per_si": 1e6},
+    {"counts_per_si": 1e6, "rotary": True},
+)
 OTHERWISE = message("on_paper.do.other")
 WRONG = message("on_paper.do.override")
 UNNOTICED = message("on_paper.unnoticed")
@@ -68,6 +76,8 @@ def warnings(settings: Settings, master: MasterSettings, sheet: Sheet) -> list[M
     family = None if isinstance(settings, IoSettings) else settings.profile
     if family and family.supervision is Supervision.NONE and settings.unsupervised:
         found.append(_of_profile(family, message("on_paper.accepted", problem=UNNOTICED)))
+    if isinstance(settings, NodeSettings):
+        found += _of_search(settings, sheet)
     for used in wanted.pdos_of(settings):
         if used.optional and not wanted.carries(used, sheet):
             key = "on_paper.mode_unseen" if used.event_ms else "on_paper.demand_unseen"
@@ -78,6 +88,19 @@ def warnings(settings: Settings, master: MasterSettings, sheet: Sheet) -> list[M
                 problems = _of_setting(setting, sheet)
                 found += (message("on_paper.accepted", problem=problem) for problem in problems)
     return once(found)
+
+
+def _of_search(node: NodeSettings, sheet: Sheet) -> Iterator[Message]:
+    """A search for a switch whose speeds nobody says: one of 0 never ends."""
+    said = {(index, sub) for index, sub, _, _ in wanted.homing_speeds(node)}
+    unsaid = [
+        where(index, sub)
+        for index, sub in ((0x6099, 1), (0x6099, 2), (0x609A, 0))
+        if (index, sub) not in said and sheet.has(index, sub) and not sheet.default(index, sub)
+    ]
+    if unsaid and not node.absolute and 1 <= node.homing_method <= LAST_SEARCH:
+        facts = {"method": node.homing_method, "sheet": sheet.name}
+        yield message("on_paper.search", **facts, objects=chain("and", unsaid))
 
 
 def unit_problems(settings: Settings, sheet: Sheet) -> Iterator[Message]:
@@ -95,10 +118,16 @@ def unit_problems(settings: Settings, sheet: Sheet) -> Iterator[Message]:
         yield message("on_paper.units", sheet=sheet.name, problem=error.said)
 
 
-def of_profile(
-    profile: Profile, sheet: Sheet, master: MasterSettings, bit_rate: int = 0
-) -> tuple[list[Message], list[Message]]:
-    """Problems and remarks of a family against one of its data sheets, at the master's period."""
+class Verdict(NamedTuple):
+    """Of a family against a sheet: what is refused, worth knowing, and left to a machine file to decide."""
+
+    problems: list[Message]
+    remarks: list[Message]
+    undecided: list[Message]
+
+
+def of_profile(profile: Profile, sheet: Sheet, master: MasterSettings, bit_rate: int = 0) -> Verdict:
+    """A family against one of its data sheets, at the master's period."""
     methods = profile.homing_methods if sheet.writable(0x6098) else profile.homing_methods[:1]
     base = NodeSettings(profile.name, "", 1, sheet.name, period_s=master.period_s, profile=profile)
     variants = [replace(base, homing_method=method) for method in methods]
@@ -117,10 +146,13 @@ def of_profile(
         for one in problems(each, master, sheet, bit_rate)
         if one not in needed
     )
-    told = [*warnings(base, master, sheet), *unit_problems(base, sheet), *identity.contradictions(sheet)]
-    told += _counts(sheet)
+    units = [*unit_problems(base, sheet)]
+    is_refused = units and all(any(unit_problems(replace(base, **one), sheet)) for one in UNITS_OF_A_MACHINE)
+    undecided = [*([] if is_refused else units), *_counts(sheet)]
+    told = [*warnings(base, master, sheet), *identity.contradictions(sheet)]
     remarks = [*(message("sentence", text=one) for one in once((*told, *beside))), *_remarks(profile, sheet)]
-    return needed, [*remarks, *map(plain, profile.quirks)]
+    remarks += map(plain, profile.quirks)
+    return Verdict([*needed, *(units if is_refused else ())], remarks, undecided)
 
 
 def _counts(sheet: Sheet) -> Iterator[Message]:

@@ -17,7 +17,7 @@ from drives.cyclic.drive_fault import DriveFault
 from drives.cyclic.following_error import FollowingError
 from drives.cyclic.load_encoder import LoadEncoder
 from drives.cyclic.power_stage import LOST_IN_A_ROW, PowerStage
-from drives.cyclic.supervised import NEVER_S, Handler
+from drives.cyclic.supervised import NEVER_S, EventTimer, Handler
 from drives.cyclic.touch_probe import TouchProbe
 from drives.profile import CyclicMode, Supervision
 from drives.pump.plan_memory import FOLLOWS
@@ -43,10 +43,6 @@ MOVES: Final = 8
 
 SAME_COUNTS: Final = 2.0  # within which a drive's word of the setpoint that it goes by is that which was sent
 SETPOINTS_OVERDUE: Final = 0x8250  # CiA 301: the deadline of an RPDO has passed
-
-# A controlword of its own RPDO is not repeated every tick: once more at once, for a lost
-# frame, then with our heartbeat.
-REPEATS = 1
 
 # Looked up every tick, and an enum's members are slow to look up.
 _OPERATION_ENABLED: Final = State.OPERATION_ENABLED
@@ -111,8 +107,7 @@ class Drive(PowerStage):
         self._frame = SetpointFrame(node, profile.rpdo, self.feed_forward)
         self.set_velocity_units(settings.velocity_units)
         self._word_frame = pdo.frame(pdo.rpdo(profile.command_rpdo, node), bytes(2))
-        self._word_due_s = NEVER_S
-        self._repeats = 0
+        self._timer = EventTimer()
         self.setpoint_bytes = self._frame.bytes
         self.with_sync = (pdo.tpdo(profile.tpdo, node),)
         self.handlers[self.with_sync[0]] = self._feedback
@@ -144,7 +139,7 @@ class Drive(PowerStage):
         if len(data) != pdo.PDO_BYTES:
             self.malformed += 1
             self.again += 1
-            self.answers.again += 1
+            self.answers.add()
             return
         statusword, position = _unpack_feedback(data)
         if self._arrived:
@@ -175,8 +170,7 @@ class Drive(PowerStage):
         if self.load is None or len(data) != pdo.DEMAND.size:
             self.malformed += 1
             return
-        (self.load.position,) = pdo.DEMAND.unpack(data)
-        self.load.is_new = True
+        self.load.receive(*pdo.DEMAND.unpack(data))
 
     def _look_at_load(self, load: LoadEncoder) -> None:
         """Load against motor, of the same SYNC; where the drive seeks its zero, the two begin anew."""
@@ -267,11 +261,10 @@ class Drive(PowerStage):
         if self._late:
             self._late -= 1
             if near and abs(moved) >= MOVES:
-                self.answers.bunched = True
-                self.answers.again += 1
+                self.answers.add(bunched=True)
             return
         self.again += 1
-        self.answers.again += 1
+        self.answers.add()
         differs = again != 0 or statusword != self.statusword
         self.near = near and statusword == self.statusword
         if self.again > 1:
@@ -422,13 +415,8 @@ class Drive(PowerStage):
     def event_frame(self, now_s: float, heartbeat_s: float) -> bytearray | None:
         """With feed-forward: the controlword's own RPDO where it is due, else None."""
         word = self._controlword
-        if word != self._sent_controlword:
-            self._repeats = REPEATS
-        elif self._repeats:
-            self._repeats -= 1
-        elif now_s < self._word_due_s:
+        if not self._timer.is_due(word != self._sent_controlword, now_s, heartbeat_s):
             return None
-        self._word_due_s = now_s + heartbeat_s
         _pack_controlword_into(self._word_frame, 8, word)
         self._sent_controlword = word
         return self._word_frame

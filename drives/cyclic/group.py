@@ -25,7 +25,7 @@ from drives.cyclic.drive_fault import DriveFault
 from drives.cyclic.enabling import Enabling
 from drives.cyclic.following_error import MEASURE_EVERY
 from drives.cyclic.io_node import IoNode
-from drives.cyclic.line import BITS, MAX_FRAMES, MAX_PERIODS, Line
+from drives.cyclic.line import MAX_FRAMES, MAX_PERIODS, Line
 from drives.cyclic.spindle import SpindleDrive
 from drives.cyclic.supervised import Supervised
 from drives.ports.port import Port
@@ -158,8 +158,7 @@ class Group:
         for line in self.lines:
             if line.off:
                 good = False
-            elif line.send(self._sync_frame):
-                line.bits += BITS[0]
+            elif line.put(self._sync_frame, 0):
                 line.expect()
             else:
                 good = self._failed(line.first)
@@ -223,14 +222,13 @@ class Group:
         ``rev_s``: the spindle was led; None: it was not.
         """
         for line in self.lines:
-            if not line.off:
-                line.expect()
-                line.bits += BITS[0] + line.setpoint_bits + BITS[1] * beat
+            line.was_played(beat)
         for drive, setpoint in zip(self.drives, setpoints, strict=True):
             drive.was_sent(setpoint)
         if self.spindle is not None and rev_s is not None and self.spindle.was_led(rev_s):
             for line in self.lines:
-                line.bits += BITS[pdo.PDO_BYTES] * (self.spindle in line.others)
+                if self.spindle in line.others:
+                    line.count(pdo.PDO_BYTES)
 
     def look_for_unsent(self, buses: int) -> None:
         """What the pump could not send: bit n, the n-th bus took nothing."""
@@ -253,8 +251,7 @@ class Group:
                 event = node.event_frame(now_s, self.master.heartbeat_s)
                 if event is None:
                     continue
-                line.bits += BITS[event[pdo.LENGTH_AT]]
-                if not line.send(event):
+                if not line.put(event, event[pdo.LENGTH_AT]):
                     good = self._failed(line.first)
         return good
 
@@ -263,8 +260,7 @@ class Group:
         self._heartbeat_due_s = now_s + self.master.heartbeat_s
         good = True
         for line in self.lines:
-            line.bits += BITS[1]
-            if not line.send(self._heartbeat_frame):
+            if not line.put(self._heartbeat_frame, 1):
                 good = self._failed(line.first)
         return good
 
@@ -275,8 +271,7 @@ class Group:
         line, node = self._guarded[self._guard_turn]
         self._guard_turn = (self._guard_turn + 1) % len(self._guarded)
         node.request_sent(now_s)
-        line.bits += BITS[0]
-        return line.send(node.guard_frame) or self._failed(line.first)
+        return line.put(node.guard_frame, 0) or self._failed(line.first)
 
     def _failed(self, index: int) -> bool:
         self._send_failed = True

@@ -9,10 +9,8 @@ from __future__ import annotations
 
 from drives import pdo
 from drives.cyclic.drive_fault import DriveFault
-from drives.cyclic.supervised import NEVER_S, Supervised
+from drives.cyclic.supervised import NEVER_S, EventTimer, Supervised
 from drives.settings import IoSettings
-
-REPEATS = 1
 
 
 class Analogue:
@@ -25,8 +23,7 @@ class Analogue:
         self._places = [(pdo.DATA_AT + sum(sizes[:n]), size) for n, size in enumerate(sizes)]
         self._frame = pdo.frame(pdo.rpdo(2, settings.node), bytes(sum(sizes)))
         self._counts = [0] * len(sizes)
-        self._due_s = NEVER_S
-        self._telling = REPEATS + 1
+        self._timer, self._is_new = EventTimer(), True
         for place, counts in enumerate((*settings.analogue, settings.speed_idle)[: len(sizes)]):
             self.write(place, counts)
 
@@ -36,16 +33,12 @@ class Analogue:
             self._counts[place] = counts
             at, size = self._places[place]
             self._frame[at : at + size] = (counts & (1 << 8 * size) - 1).to_bytes(size, "little")
-            self._telling = REPEATS + 1
+            self._is_new = True
 
     def event_frame(self, now_s: float, heartbeat_s: float) -> bytearray | None:
         """Its RPDO where there is something to tell, else None."""
-        if self._telling:
-            self._telling -= 1
-        elif now_s < self._due_s:
-            return None
-        self._due_s = now_s + heartbeat_s
-        return self._frame
+        is_new, self._is_new = self._is_new, False
+        return self._frame if self._timer.is_due(is_new, now_s, heartbeat_s) else None
 
 
 class IoNode(Supervised):
@@ -63,8 +56,7 @@ class IoNode(Supervised):
         self.outputs = 0
         self._most = (1 << 8 * settings.outputs) - 1
         self._sent = 0
-        self._due_s = NEVER_S
-        self._repeats = 0
+        self._timer = EventTimer()
         self._frame = pdo.frame(pdo.RPDO1 + settings.node, bytes(settings.outputs))
         self.handlers[pdo.TPDO1 + settings.node] = self._read
         self.analogue = Analogue(settings) if settings.analogue or settings.speed_entry else None
@@ -135,13 +127,8 @@ class IoNode(Supervised):
     def event_frame(self, now_s: float, heartbeat_s: float) -> bytearray | None:
         """Its RPDO where there is something to tell, else None."""
         outputs = self.outputs
-        if outputs != self._sent:
-            self._repeats = REPEATS
-        elif self._repeats:
-            self._repeats -= 1
-        elif now_s < self._due_s:
+        if not self._timer.is_due(outputs != self._sent, now_s, heartbeat_s):
             return None
-        self._due_s = now_s + heartbeat_s
         self._sent = outputs
         end = pdo.DATA_AT + self.settings.outputs
         self._frame[pdo.DATA_AT : end] = outputs.to_bytes(self.settings.outputs, "little")

@@ -310,10 +310,27 @@ class Line:
         if self.fault is _NONE or fault is DriveFault.BUS_OFF:
             self.fault = fault
 
+    def put(self, frame: bytes | bytearray | memoryview, data_bytes: int) -> bool:
+        """Sends a frame of so many data bytes, and counts it; False: the bus has not taken it."""
+        sent = self.send(frame)
+        if sent:
+            self.count(data_bytes)
+        return sent
+
+    def count(self, data_bytes: int) -> None:
+        """A frame that has gone out here."""
+        self.bits += BITS[data_bytes]
+
     def expect(self) -> None:
         """A SYNC has gone out on this bus."""
         for drive in self.owing:
             drive.expect()
+
+    def was_played(self, beat: bool) -> None:
+        """The pump has sent SYNC, the setpoints, and our heartbeat if ``beat``."""
+        if not self.off:
+            self.expect()
+            self.bits += BITS[0] + self.setpoint_bits + BITS[1] * beat
 
     def forget(self) -> None:
         """RESET, or ENABLED anew."""

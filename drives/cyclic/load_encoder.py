@@ -15,14 +15,11 @@ IN_A_ROW: Final = 3  # beyond what is allowed, or not come
 
 
 class LoadEncoder:
-    """That of one drive. Read: ``off`` (counts of the drive, load less motor), ``fault``.
-
-    Write: ``position`` as told, with ``is_new``.
-    """
+    """That of one drive. Read: ``off`` (counts of the drive, load less motor), ``fault``."""
 
     def __init__(self, settings: NodeSettings) -> None:
-        self.position = 0
-        self.is_new = False
+        self._position = 0
+        self._is_new = False
         self.off = 0.0
         self.fault = DriveFault.NONE
         self._per_count, self._most = settings.load_per_count, settings.most_load_off_counts
@@ -33,17 +30,21 @@ class LoadEncoder:
     def begin_anew(self) -> None:
         """The next comparison is the new beginning."""
         self._zero, self.off, self.fault = None, 0.0, DriveFault.NONE
-        self.is_new, self._beyond, self._silent = False, 0, 0
+        self._is_new, self._beyond, self._silent = False, 0, 0
+
+    def receive(self, position: int) -> None:
+        """Its position as told with a SYNC, in counts of its own."""
+        self._position, self._is_new = position, True
 
     def compare(self, motor: int) -> None:
         """After the answers to a SYNC; ``motor``: its position, counts."""
-        if not self.is_new:
+        if not self._is_new:
             self._silent += 1
             if self._silent > self._patience:
                 self.fault = DriveFault.FEEDBACK_LOST
             return
-        self.is_new, self._silent = False, 0
-        apart = self.position / self._per_count - motor
+        self._is_new, self._silent = False, 0
+        apart = self._position / self._per_count - motor
         if self._zero is None:
             self._zero = apart
         self.off = apart - self._zero

@@ -11,11 +11,11 @@ from __future__ import annotations
 from drives import cia402, pdo
 from drives.cia402 import State, Wanted
 from drives.cyclic.power_stage import LOST_IN_A_ROW, PowerStage
-from drives.cyclic.supervised import NEVER_S
+from drives.cyclic.supervised import NEVER_S, EventTimer
 from drives.profile import Supervision
 from drives.pump.plan_memory import FOLLOWS
 from drives.pump.player import to_speed
-from drives.pump.speed_ramp import NO_RAMP, REPEATS, SpeedRamp
+from drives.pump.speed_ramp import NO_RAMP, SpeedRamp
 from drives.pump.wires import DriveWire
 from drives.settings import INT32_MAX, INT32_MIN, SpindleSettings
 
@@ -61,8 +61,7 @@ class SpindleDrive(PowerStage):
         self._frame = pdo.command_frame(node, profile.rpdo)
         self._sent_speed = self._even_speed = 0
         self.even_syncs = 0
-        self._due_s = NEVER_S
-        self._repeats = 0
+        self._timer = EventTimer()
         self.turns = self.load = 0.0
         self.unheard = 0
         self._placed = False  # a position, since the last SYNC
@@ -75,7 +74,6 @@ class SpindleDrive(PowerStage):
         self._was_led = False  # since the last tick
         self.with_sync = (pdo.tpdo(profile.tpdo, node),)
         self.handlers[self.with_sync[0]] = self._feedback
-        self._turns_are_told = settings.position_tpdo != 0
         if settings.position_tpdo:
             self.with_sync += (pdo.tpdo(settings.position_tpdo, node),)
             self._per_rev = settings.position_per_rev
@@ -171,7 +169,7 @@ class SpindleDrive(PowerStage):
         self.speed_at_s = now_s
         if self._arrived:
             self.again += 1
-            self.answers.again += 1
+            self.answers.add()
         self._arrived = True
         if statusword != self.statusword or self._pending:
             self.statusword = statusword
@@ -226,16 +224,12 @@ class SpindleDrive(PowerStage):
             return None
         word, speed = self._controlword, self._lead(now_s)
         was_led, self._was_led = self._was_led, False
-        if word != self._sent_controlword or speed != self._sent_speed:
-            self._repeats = REPEATS
-        elif was_led:
-            self._repeats, self._due_s = 0, now_s + heartbeat_s
+        is_new = word != self._sent_controlword or speed != self._sent_speed
+        if was_led and not is_new:
+            self._timer.put_off(now_s, heartbeat_s)
             return None
-        elif self._repeats:
-            self._repeats -= 1
-        elif now_s < self._due_s:
+        if not self._timer.is_due(is_new, now_s, heartbeat_s):
             return None
-        self._due_s = now_s + heartbeat_s
         self._sent_controlword, self._sent_speed = word, speed
         _pack_command_into(self._frame, 8, word, speed)
         return self._frame

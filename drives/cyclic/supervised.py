@@ -15,7 +15,31 @@ from drives.cyclic.drive_fault import DriveFault
 Handler = Callable[[memoryview, float], None]
 
 NEVER_S = float("-inf")
+REPEATS = 1  # of what is new, with the next tick
 TOGGLE = 0x80  # of a guarding answer: other than in the last one
+
+
+class EventTimer:
+    """When an event-driven RPDO goes out: what is new twice, for a frame can be lost; then as we beat."""
+
+    __slots__ = ("_again", "_due_s")
+
+    def __init__(self) -> None:
+        self._again, self._due_s = 0, NEVER_S
+
+    def is_due(self, is_new: bool, now_s: float, heartbeat_s: float) -> bool:
+        if is_new:
+            self._again = REPEATS
+        elif self._again:
+            self._again -= 1
+        elif now_s < self._due_s:
+            return False
+        self._due_s = now_s + heartbeat_s
+        return True
+
+    def put_off(self, now_s: float, heartbeat_s: float) -> None:
+        """Another one has said it."""
+        self._again, self._due_s = 0, now_s + heartbeat_s
 
 
 class Supervised:

@@ -42,6 +42,11 @@ class SyncAnswers:
         self.again = 0
         self.bunched = self.of_all = False
 
+    def add(self, bunched: bool = False) -> None:
+        """One beside those that are owed."""
+        self.again += 1
+        self.bunched = self.bunched or bunched
+
     def judge(self, drives: Sequence[Answering]) -> bool:
         """Whether SYNC was heard twice by ``drives``, who answer each, or two of them were close together."""
         bunched, self.bunched, self.again = self.bunched, False, 0

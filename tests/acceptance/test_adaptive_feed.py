@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.live.replayed_runs import again, assert_same_setpoints
-from support.machines.interrupted_runs import assert_in_limits, distance, stretches
+from support.machines.interrupted_runs import assert_in_limits, distance, segments
 from support.machines.recording_bench import RecordedBench
 from support.machines.spindle_machine import SLOWER, SPINDLE, mill
 
@@ -136,7 +136,7 @@ def test_the_load_is_kept_at_its_target_the_feed_falls_and_returns() -> None:
     assert led.feed[settled].max() < 7.5 < 9.9 < led.feed[led.between(4.0, 15.0)].max()
     assert led.share[led.between(60.0, 69.0)][-1] == 1.0 and led.feed[led.between(65.0, 69.0)][-1] > 9.9
     # The path is the same, and within every limit.
-    wanted = stretches(text, with_it.machine)
+    wanted = segments(text, with_it.machine)
     assert distance(led.rows, wanted, with_it.bench.kinematics) < 1e-9
     assert_in_limits(led.rows[:, of_axes("joint_command", 5)], with_it.machine, "adaptive")
     assert with_it.seen[-1].joints == without.seen[-1].joints
@@ -181,7 +181,7 @@ def test_an_overload_holds_on_the_path_in_its_own_words() -> None:
     assert "load of the spindle" in run.fault_text and "tool" in run.fault_text
     now = cutter.seen[-1]
     assert now.mode is Mode.HOLD and now.at_rest and 20.0 < now.joints[0] - X0 < 24.0
-    assert distance(run.rows, stretches(text, cutter.machine), cutter.bench.kinematics) < 1e-9
+    assert distance(run.rows, segments(text, cutter.machine), cutter.bench.kinematics) < 1e-9
     assert_in_limits(run.rows[:, of_axes("joint_command", 5)], cutter.machine, "overload")
 
 

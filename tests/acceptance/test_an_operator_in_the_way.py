@@ -63,7 +63,7 @@ def assert_all_is_cut(done: Cut, feed: str = "1000.") -> None:
     for motion in {int(m) for m in plain.column("motion_id")[plain.trace.cutting]}:
         s = done.column("s")[done.column("motion_id") == motion]
         step = np.diff(s).max()
-        length = done.stretches[motion].motion.end
+        length = done.segments[motion].motion.end
         assert s[0] < 2.0 * step and s[-1] > length - 2.0 * step, motion
 
 
@@ -338,7 +338,7 @@ def die_at(tick: int) -> tuple[Cut, Run]:
     stepped._calls_from, stepped.dies_at = stepped.cycle.tick, tick
     known = blocks.read(text().encode(), stepped.machine, "part.ngc")
     run = stepped.run(path.trace(known, stepped.machine, stepped.kinematics, stepped.joints))
-    made = trace.from_rows(run.rows, stepped.machine, stepped.kinematics, stepped.planner.stretches)
+    made = trace.from_rows(run.rows, stepped.machine, stepped.kinematics, stepped.planner.segments)
     return Cut(stepped, run, made, run.rows[len(run.rows) - len(made.time_s) :]), run
 
 

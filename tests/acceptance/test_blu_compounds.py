@@ -28,7 +28,7 @@ def course_mm(done: Cut, cuts: list[int]) -> np.ndarray:
     for k in cuts:
         here = (ids == k) & done.trace.cutting
         way[here] = begins + s[here]
-        begins += done.stretches[k].motion.end
+        begins += done.segments[k].motion.end
     return way
 
 
@@ -64,11 +64,11 @@ def run_one(seed: int) -> int:
     way, looked, begins = course_mm(done, cuts), 0, 0.0
     speed = np.diff(way) / machine.period_s
     for (a, b), angle, crease in zip(itertools.pairwise(cuts), degrees, creases, strict=True):
-        begins += done.stretches[a].motion.end
+        begins += done.segments[a].motion.end
         if max(angle, crease) >= TOLERANCE_DEG:
             continue
         assert b == a + 1, (seed, "something stands between two cuts that only rounding parts")
-        before, after = done.stretches[a], done.stretches[b]
+        before, after = done.segments[a], done.segments[b]
         if min(allowed_mm_s(before, done, BESIDE_MM, True), allowed_mm_s(after, done, BESIDE_MM)) < feed:
             continue
         near = speed[(way[1:] > begins - 0.1) & (way[:-1] < begins + 0.1)]
@@ -110,10 +110,10 @@ def test_a_joint_of_two_short_cuts_is_passed_at_four_fifths_of_the_feed_at_least
     assert 0.15 < blu_compounds.angles(surfaces)[0] < TOLERANCE_DEG
     text, feed = blu_compounds.text(surfaces, 3760.0, "G41", "T1 M6"), 3760.0 / 60.0
     done = cut(text, machine)
-    before, after = (k for k, stretch in done.stretches.items() if stretch.cutting)
-    assert allowed_mm_s(done.stretches[before], done, BESIDE_MM, True) > feed
-    assert allowed_mm_s(done.stretches[after], done, BESIDE_MM) > feed
-    way, joint = course_mm(done, [before, after]), done.stretches[before].motion.end
+    before, after = (k for k, segment in done.segments.items() if segment.cutting)
+    assert allowed_mm_s(done.segments[before], done, BESIDE_MM, True) > feed
+    assert allowed_mm_s(done.segments[after], done, BESIDE_MM) > feed
+    way, joint = course_mm(done, [before, after]), done.segments[before].motion.end
     speed = np.diff(way) / machine.period_s
     near = speed[(way[1:] > joint - 0.5) & (way[:-1] < joint + 0.5)]
     assert len(near) > 5 and near.min() >= 0.8 * feed, near.min() / feed

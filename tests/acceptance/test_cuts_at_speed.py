@@ -20,7 +20,7 @@ from controller.geometry import arc_length
 from controller.machine import machine_file
 from controller.machine.model import Machine
 from controller.motion.motions import SurfaceCut
-from controller.plan.path.path import Stretch
+from controller.plan.segment import Segment
 from controller.program.program import ProgramError
 from controller.runtime.events import Event
 from controller.state.modes import Request
@@ -34,9 +34,9 @@ def machine(name: str = "trunnion", **changes: object) -> Machine:
     return shipped(name, **{"period_s": PERIOD_S, **changes})
 
 
-def places(stretch: Stretch, tips: np.ndarray) -> np.ndarray:
+def places(segment: Segment, tips: np.ndarray) -> np.ndarray:
     """Arc length (mm) along C1 at which the nominal tip is nearest each of ``tips`` (N, 3), table frame."""
-    motion = stretch.motion
+    motion = segment.motion
     assert isinstance(motion, SurfaceCut)
 
     def tip(u: np.ndarray) -> np.ndarray:
@@ -54,15 +54,15 @@ def places(stretch: Stretch, tips: np.ndarray) -> np.ndarray:
     return np.asarray(arc_length.s_at(motion.arc, u))
 
 
-def speeds(done: Cut, stretch: Stretch, motion_id: int) -> np.ndarray:
+def speeds(done: Cut, segment: Segment, motion_id: int) -> np.ndarray:
     """Speed of the contact (mm/s) between the ticks of one cut."""
     rows = np.flatnonzero(done.column("motion_id") == motion_id)
-    pose = done.kinematics.forward(tuple(done.joints[rows].T), stretch.motion.length_mm, np)  # type: ignore[union-attr]
-    return np.diff(places(stretch, np.array(pose.tip).T)) / done.machine.period_s
+    pose = done.kinematics.forward(tuple(done.joints[rows].T), segment.motion.length_mm, np)  # type: ignore[union-attr]
+    return np.diff(places(segment, np.array(pose.tip).T)) / done.machine.period_s
 
 
-def cuts(done: Cut) -> list[tuple[int, Stretch]]:
-    return [(i, stretch) for i, stretch in done.stretches.items() if stretch.cutting]
+def cuts(done: Cut) -> list[tuple[int, Segment]]:
+    return [(i, segment) for i, segment in done.segments.items() if segment.cutting]
 
 
 def assert_at_feed(done: Cut, share: float = 1.0) -> None:
@@ -72,8 +72,8 @@ def assert_at_feed(done: Cut, share: float = 1.0) -> None:
     feed = share * first.feed_mm_s
     assert speeds(done, first, first_id)[:3] == pytest.approx(np.full(3, feed), rel=0.01)
     assert speeds(done, last, last_id)[-3:] == pytest.approx(np.full(3, feed), rel=0.01)
-    for i, stretch in members:
-        assert speeds(done, stretch, i).max() <= 1.0005 * share * stretch.feed_mm_s
+    for i, segment in members:
+        assert speeds(done, segment, i).max() <= 1.0005 * share * segment.feed_mm_s
 
 
 @pytest.mark.parametrize("feed", [pytest.param("100.", marks=pytest.mark.slow), "1500."])
@@ -124,10 +124,10 @@ def test_unseen_surfaces_begin_and_end_at_any_feed_that_the_limits_allow(batch: 
             done = cut(text(compound(seed, 1), feed, f"{side} P{rng.choice((1, 2))} R0.5"), shipped(name))
         except ProgramError:
             continue  # a surface that is refused; others will do
-        ((i, stretch),) = cuts(done)
-        found = speeds(done, stretch, i) / stretch.feed_mm_s
+        ((i, segment),) = cuts(done)
+        found = speeds(done, segment, i) / segment.feed_mm_s
         for at_end, ends in ((False, found[:3]), (True, found[-3:])):
-            if allowed_mm_s(stretch, done, BESIDE_MM, at_end) > stretch.feed_mm_s:
+            if allowed_mm_s(segment, done, BESIDE_MM, at_end) > segment.feed_mm_s:
                 assert ends == pytest.approx(np.ones(3), rel=0.01), (seed, name, feed, at_end)
                 judged += 1
         assert found.max() <= 1.0005
@@ -138,16 +138,16 @@ def test_unseen_surfaces_begin_and_end_at_any_feed_that_the_limits_allow(batch: 
 def test_a_lead_is_as_long_as_its_own_bend_needs_at_the_feed() -> None:
     """The way to the feed alone would be shorter: there the lead's third derivative was in the way."""
     done = cut(text(compound(5038, 1), 3039.0, "G41 P2 R0.5"), machine("fig4d"))
-    i, stretch = cuts(done)[0]
-    assert speeds(done, stretch, i)[:3] == pytest.approx(np.full(3, stretch.feed_mm_s), rel=0.01)
+    i, segment = cuts(done)[0]
+    assert speeds(done, segment, i)[:3] == pytest.approx(np.full(3, segment.feed_mm_s), rel=0.01)
     assert_in_limits(done, "bend")
 
 
 def test_a_cut_does_not_rest_at_its_end_for_some_micrometres_within_its_tolerance() -> None:
     """Every lead that joins its twisted end reaches 1.5 um deeper than the cut, of 490 um that are left."""
     done = cut(text(compound(5011, 3), 175.0, "G41 P2 R0.5"), machine("table_head"))
-    i, stretch = cuts(done)[-1]
-    assert speeds(done, stretch, i)[-3:] == pytest.approx(np.full(3, stretch.feed_mm_s), rel=0.01)
+    i, segment = cuts(done)[-1]
+    assert speeds(done, segment, i)[-3:] == pytest.approx(np.full(3, segment.feed_mm_s), rel=0.01)
     assert_in_limits(done, "end")
 
 
@@ -161,8 +161,8 @@ def test_a_cut_does_not_slow_down_at_its_end_for_a_rotary_that_could_turn_on() -
 def test_a_cut_does_not_slow_down_at_its_end_for_two_micrometres_within_its_tolerance() -> None:
     """A rotary lets the contact run at 9.6 mm/s at the ruling itself; it came down to 5.3."""
     done = cut(random_nurbs.text(*random_nurbs.blade(98_036), 876.0, "G41 R0.5"), machine("fig4b"))
-    i, stretch = cuts(done)[-1]
-    assert speeds(done, stretch, i)[-3:].min() > 9.6
+    i, segment = cuts(done)[-1]
+    assert speeds(done, segment, i)[-3:].min() > 9.6
     assert_in_limits(done, "blade")
 
 
@@ -188,7 +188,7 @@ def plain() -> Cut:
 
 @pytest.mark.parametrize("motion", ["lead in", "lead out"])
 def test_a_hold_on_a_lead_stands_on_the_path_and_goes_on(motion: str, plain: Cut) -> None:
-    which = next(i for i, stretch in plain.stretches.items() if stretch.name == motion)
+    which = next(i for i, segment in plain.segments.items() if segment.name == motion)
     tick = int(np.median(np.flatnonzero(plain.column("motion_id") == which)))
     events = [Event(tick, Request.HOLD, 0.0), Event(tick + 150, Request.RESUME, 0.0)]
     done = cut(SHORT_CONE, plain.machine, events)

@@ -197,7 +197,7 @@ def test_the_cut_time_is_near_the_bound_that_knows_no_jerk(
     machine = time_bound.linuxcnc(shipped()) if limits == "linuxcnc" else shipped()
     done = on_example(name, feed, machine, 0, 0)
     took = int(done.trace.cutting.sum()) * machine.period_s
-    bound = time_bound.seconds([s for s in done.stretches.values() if s.cutting], machine)
+    bound = time_bound.seconds([s for s in done.segments.values() if s.cutting], machine)
     print(f"\n{name} {feed} {limits}: {took:.3f} s, bound {bound:.3f} s, ratio {took / bound:.4f}")
     assert took <= most * bound
 

@@ -36,20 +36,20 @@ def run_one(seed: int) -> int:
         return 0
     assert done.run.result == "completed", (seed, name, done.run.fault_text)
     assert_in_limits(done, (seed, name))
-    ids, numbers = done.column("motion_id").astype(int), list(done.stretches)
-    cuts = [i for i, stretch in done.stretches.items() if stretch.cutting]
+    ids, numbers = done.column("motion_id").astype(int), list(done.segments)
+    cuts = [i for i, segment in done.segments.items() if segment.cutting]
     beside = [
         numbers[numbers.index(cuts[0]) - 1],
         numbers[min(numbers.index(cuts[-1]) + 1, len(numbers) - 1)],
     ]
-    through = [i for i in beside if done.stretches[i].name == "line"]
+    through = [i for i in beside if done.segments[i].name == "line"]
     tips, _ = tool_paths.tool(done.joints, done.machine, 0.0)
     rows = np.isin(ids, [*through, *cuts])
     assert off(tips[rows], made.way).max() <= made.tolerance_mm, (seed, name)
     speed = done.column("feed_mm_s")
     for i in through:
         met = np.flatnonzero(ids == i)[-1] if i < cuts[0] else np.flatnonzero(ids == i)[0]
-        assert speed[met - 1 : met + 2].min() > 0.05 * done.stretches[cuts[0]].feed_mm_s, (seed, name, i)
+        assert speed[met - 1 : met + 2].min() > 0.05 * done.segments[cuts[0]].feed_mm_s, (seed, name, i)
     return len(through)
 
 

@@ -28,9 +28,9 @@ def run(source: str, machine: Machine, label: object) -> tuple[Cut, float]:
     assert done.run.result == "completed", (label, done.run.result, done.run.fault_text)
     assert_in_limits(done, label, ())
     assert off_the_plan(done, np.flatnonzero(done.column("mode") != 1.0)) < TIP_MM, label
-    way = {i: s for i, s in done.stretches.items() if s.cutting or s.name in LEADS}
+    way = {i: s for i, s in done.segments.items() if s.cutting or s.name in LEADS}
     rows = list(way.values())
-    begins = [k for k, stretch in enumerate(rows) if stretch.name == LEADS[0]]
+    begins = [k for k, segment in enumerate(rows) if segment.name == LEADS[0]]
     assert begins and begins[0] == 0, label
     trains = [rows[a:b] for a, b in itertools.pairwise([*begins, len(rows)])]
     best = sum(jerk_limited_time.optimum(train, machine).seconds for train in trains)

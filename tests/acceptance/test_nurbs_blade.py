@@ -18,7 +18,7 @@ def test_a_cubic_blade_of_twelve_points_keeps_contact_and_feed_within_all_limits
     first, second, third = largest(done.joints, done.machine)
     assert first <= 1.0005 and second <= 1.002 and third <= 1.02
     top, bottom = (BSpline(np.array(c.knots) / c.knots[-1], np.array(c.points), 3) for c in (upper, lower))
-    cuts = [i for i, stretch in done.stretches.items() if isinstance(stretch.motion, SurfaceCut)]
+    cuts = [i for i, segment in done.segments.items() if isinstance(segment.motion, SurfaceCut)]
     assert len(cuts) == 9
     ids, s = done.column("motion_id"), done.column("s")
     part = done.machine.offsets[0]
@@ -26,7 +26,7 @@ def test_a_cubic_blade_of_twelve_points_keeps_contact_and_feed_within_all_limits
     for i in range(0, len(ids), 7):
         if int(ids[i]) not in cuts:
             continue
-        motion = done.stretches[int(ids[i])].motion
+        motion = done.segments[int(ids[i])].motion
         assert isinstance(motion, SurfaceCut)
         u = (cuts.index(int(ids[i])) + motion.arc.u_at(float(s[i]))) / 9.0
         a, b, c, d, e = map(float, done.joints[i])

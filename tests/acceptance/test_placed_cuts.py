@@ -15,7 +15,7 @@ from support.machines.interrupted_runs import (
     fresh,
     rest_of,
     resumed,
-    stretches,
+    segments,
 )
 from support.machines.stepped_runs import Cut, cut, off_the_plan, program, shipped
 from support.oracles import time_bound
@@ -69,7 +69,7 @@ def test_a_free_axis_is_followed_as_exactly() -> None:
 @pytest.mark.slow
 def test_the_tick_knows_nothing_of_points_between() -> None:
     """What it is sent is the placed surface itself: a row of numbers that do not grow with the length."""
-    (one,) = [s for s in small_cut(3).stretches.values() if s.cutting]
+    (one,) = [s for s in small_cut(3).segments.values() if s.cutting]
     assert isinstance(one.motion.surface, Placed)
     assert all(len(curve.spans) <= 64 for curve in one.motion.surface.through)
 
@@ -82,7 +82,7 @@ def test_a_restart_inside_a_placed_cut_goes_on_where_the_whole_would_have(fracti
     rest = rest_of(source, Spot(LINE, fraction), stepped.machine)
     done = resumed(stepped, rest)
     assert_sound(done, fraction)
-    wanted = stretches(source, stepped.machine)
+    wanted = segments(source, stepped.machine)
     assert distance(done.rows, wanted, stepped.kinematics) < TIP_MM
     assert_rest_is_cut(done.rows, wanted, rest.spot)
     assert np.abs(done.joints[-1] - small_cut(2).joints[-1]).max() < 1e-9
@@ -94,7 +94,7 @@ def test_after_a_hold_the_path_is_the_same() -> None:
     events = [Event(first + 60, Request.HOLD), Event(first + 400, Request.RESUME)]
     done = cut(small(2), shipped(period_s=PERIOD_S), events)
     assert done.run.result == "completed"
-    wanted = stretches(small(2), done.machine)
+    wanted = segments(small(2), done.machine)
     assert distance(done.rows, wanted, done.kinematics) < TIP_MM
     ids = done.column("motion_id")
     assert (np.diff(ids[ids >= 0.0]) >= 0.0).all()
@@ -114,5 +114,5 @@ def test_example_2_placed_with_an_operator(placement: int, machine: str, slower:
     built = time_bound.linuxcnc(shipped(machine)) if slower else shipped(machine)
     done = judged(example_2(placement, "3000."), built, placement, 8)
     # Both surfaces, and between them the turn from one placement to the other.
-    names = [stretch.name for stretch in done.stretches.values()]
+    names = [segment.name for segment in done.segments.values()]
     assert names.count("cut") == 2 and "pivot" in names

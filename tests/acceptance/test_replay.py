@@ -402,7 +402,7 @@ def test_a_repetition_keeps_no_more_of_its_rows_than_the_last(bench: RecordedBen
     record = recorded_runs.whole(bench.ended(), None, None)
     task = checked.task(record.text, record.name, record.machine)
     stepped, run = record.repeat(task, lambda _: None, keep=False)
-    assert len(run.rows) == 1 and not stepped.planner.stretches
+    assert len(run.rows) == 1 and not stepped.planner.segments
     assert record.judge(run)["compared_ticks"] == len(sent(bench.record.folder))
 
 

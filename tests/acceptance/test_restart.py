@@ -23,8 +23,8 @@ from support.machines.interrupted_runs import (
     program_rows,
     rest_of,
     resumed,
+    segments,
     source,
-    stretches,
     until,
     with_tool,
 )
@@ -96,7 +96,7 @@ def assert_goes_on(name: str, machine: str, spot: Spot, stepped: SteppedMachine)
     rest = rest_of(PROGRAMS[name], spot, stepped.machine)
     done = resumed(stepped, rest)
     assert_sound(done, (name, machine, spot))
-    wanted = stretches(PROGRAMS[name], stepped.machine)
+    wanted = segments(PROGRAMS[name], stepped.machine)
     assert distance(done.rows, wanted, stepped.kinematics) < SAME
     assert_rest_is_cut(done.rows, wanted, rest.spot)
     assert np.abs(done.joints[-1] - undisturbed(name, machine).joints[-1]).max() < 1e-9
@@ -137,7 +137,7 @@ def test_restarts_anywhere_of_what_fanucs_controls_read_otherwise(code: str) -> 
         rest = rest_of(text, spot_at(whole, tick), machine)
         done = resumed(stepped, rest)
         assert_sound(done, (code, tick))
-        wanted = stretches(text, stepped.machine)
+        wanted = segments(text, stepped.machine)
         assert distance(done.rows, wanted, stepped.kinematics) < SAME
         assert_rest_is_cut(done.rows, wanted, rest.spot)
         assert np.abs(done.joints[-1] - whole.joints[-1]).max() < 1e-9
@@ -298,8 +298,8 @@ def tick_of(seed: int, name: str = "example 2") -> int:
 
 
 def _feeds(name: str) -> list[int]:
-    wanted = stretches(PROGRAMS[name], shipped())
-    return [number for number, stretch in wanted.items() if stretch.feed_mm_s is not None]
+    wanted = segments(PROGRAMS[name], shipped())
+    return [number for number, segment in wanted.items() if segment.feed_mm_s is not None]
 
 
 def look_and_go_on(name: str, seed: int) -> None:
@@ -314,7 +314,7 @@ def look_and_go_on(name: str, seed: int) -> None:
     operator.go_back()
     assert np.abs(np.subtract(operator.joints, held)).max() > 0.5, "off the part"
     rows = operator.finish()
-    wanted = stretches(PROGRAMS[name], operator.stepped.machine)
+    wanted = segments(PROGRAMS[name], operator.stepped.machine)
     assert distance(rows, wanted, operator.stepped.kinematics) < SAME
     assert_in_limits(rows[:, JOINTS], operator.stepped.machine, (name, seed))
     assert_rest_is_cut(rows, wanted, Spot(1, 0.0, 0, 0.0))
@@ -362,7 +362,7 @@ def test_a_longer_and_thicker_tool_goes_on_where_the_old_one_stopped() -> None:
     before = len(operator.rows)
     rows = operator.finish()
     after = np.concatenate(operator.rows[before:])
-    wanted = stretches(EXAMPLE_2, other)
+    wanted = segments(EXAMPLE_2, other)
     assert distance(after, wanted, operator.stepped.kinematics) < SAME
     assert_rest_is_cut(after, wanted, rest.spot)
     assert_in_limits(rows[:, JOINTS], machine, "another tool")
@@ -386,7 +386,7 @@ def test_a_hold_on_the_way_off_or_back_is_a_hold_like_any_other() -> None:
         operator.rows += [operator.stepped.go(5), until(operator.stepped, Mode.HOLD)]
     assert 0.5 < np.abs(np.subtract(operator.joints, held)).max() < 20.0
     rows = operator.finish()
-    assert distance(rows, stretches(EXAMPLE_2, shipped()), operator.stepped.kinematics) < SAME
+    assert distance(rows, segments(EXAMPLE_2, shipped()), operator.stepped.kinematics) < SAME
 
 
 # --- dry run

@@ -19,7 +19,7 @@ from support.oracles.trace_limits import assert_in_limits
 from support.parts.random_surfaces import compound, text
 
 from controller.machine.model import Machine
-from controller.plan.path.path import joints_along
+from controller.plan.rotaries.branch import joints_along
 from controller.program.program import ProgramError
 from controller.runtime.events import Event
 from controller.state.modes import Request
@@ -35,8 +35,8 @@ class Stop(NamedTuple):
     tick: int
     left: int
     rest: int
-    name: str  # of the stretch in which it came
-    crosses: bool  # it ends in another stretch, or the state could not be told
+    name: str  # of the segment in which it came
+    crosses: bool  # it ends in another segment, or the state could not be told
     shortest_s: float | None
 
 
@@ -50,10 +50,10 @@ def hold_at(source: str, machine: Machine, tick: int, plain: Cut) -> tuple[Cut, 
     left = int(apart[0]) if len(apart) else n
     rest = int(moving[-1]) + 1 if len(moving) else 0
     first, last = int(plain.column("motion_id")[tick - 1]), int(done.column("motion_id")[-1])
-    stretch = done.stretches.get(first)
-    crosses = first != last or stretch is None
+    segment = done.segments.get(first)
+    crosses = first != last or segment is None
     best = None if crosses else _shortest(plain, left - 1, machine)
-    return done, Stop(tick, left, rest, stretch.name if stretch else "standstill", crosses, best)
+    return done, Stop(tick, left, rest, segment.name if segment else "standstill", crosses, best)
 
 
 def _shortest(plain: Cut, row: int, machine: Machine) -> float | None:
@@ -61,20 +61,20 @@ def _shortest(plain: Cut, row: int, machine: Machine) -> float | None:
     s, ids = plain.column("s"), plain.column("motion_id")
     if len(set(ids[row - 1 : row + 2])) != 1:
         return None
-    T, stretch = machine.period_s, plain.stretches[int(ids[row])]
+    T, segment = machine.period_s, plain.segments[int(ids[row])]
     v, a = (s[row + 1] - s[row - 1]) / (2 * T), (s[row + 1] - 2 * s[row] + s[row - 1]) / T**2
-    end = stretch.motion.end
+    end = segment.motion.end
     path = jerk_limited_stop.way(
-        lambda x: np.asarray(joints_along(stretch, np.clip(x, 0.0, end), plain.kinematics)),
+        lambda x: np.asarray(joints_along(segment, np.clip(x, 0.0, end), plain.kinematics)),
         float(s[row]),
         min(end, float(s[row]) + max(0.5, 0.6 * v)),
     )
-    return jerk_limited_stop.shortest(path, limits(stretch, machine), float(s[row]), float(v), float(a))
+    return jerk_limited_stop.shortest(path, limits(segment, machine), float(s[row]), float(v), float(a))
 
 
-def limits(stretch: object, machine: Machine) -> jerk_limited_stop.Limits:
+def limits(segment: object, machine: Machine) -> jerk_limited_stop.Limits:
     found = jerk_limited_stop.limits_of(machine.axes)
-    rapid = stretch.feed_mm_s is None  # type: ignore[attr-defined]
+    rapid = segment.feed_mm_s is None  # type: ignore[attr-defined]
     return jerk_limited_stop.Limits(*(x * machine.rapid_share for x in found)) if rapid else found
 
 

@@ -69,11 +69,11 @@ def assert_even_feed(
     good = count = 0
     for here, surface in zip(cuts_of(done), surfaces, strict=True):
         speed = done.trace.feed_mm_s[here]
-        stretch = done.stretches[int(done.column("motion_id")[here[0]])]
-        assert stretch.feed_mm_s is not None
-        wanted = stretch.feed_mm_s * done.machine.period_s
+        segment = done.segments[int(done.column("motion_id")[here[0]])]
+        assert segment.feed_mm_s is not None
+        wanted = segment.feed_mm_s * done.machine.period_s
         arc = np.diff(surface.s_at(done.trace.u[here]))
-        at_feed = np.abs(speed / stretch.feed_mm_s - 1.0) < 1e-9
+        at_feed = np.abs(speed / segment.feed_mm_s - 1.0) < 1e-9
         steady = at_feed[1:] & at_feed[:-1]
         # A tick or two where the speed passes the feed by rounding of the law's own corner stay out.
         inner = steady.copy()
@@ -90,8 +90,8 @@ def test_lengths_are_the_papers(name: str) -> None:
     assert done.run.result == "completed"
     for here, surface, printed in zip(cuts_of(done), surfaces_of(name), LENGTHS[name], strict=True):
         assert surface.length == pytest.approx(printed, abs=5e-5)
-        stretch = done.stretches[int(done.column("motion_id")[here[0]])]
-        assert stretch.motion.end == pytest.approx(surface.length, abs=1e-9)
+        segment = done.segments[int(done.column("motion_id")[here[0]])]
+        assert segment.motion.end == pytest.approx(surface.length, abs=1e-9)
 
 
 @pytest.mark.slow

@@ -120,9 +120,8 @@ def scene(socket: Path, tmp_path: Path) -> Scene:
     with scene.store.uploads.begin("part.ngc") as upload:
         upload.write(PROGRAM)
         upload.commit()
-    scene.store.alarms.add("PROGRAM", message("stands_before"), cause=message("cause.EMCY"))
-    run = scene.store.runs.begin("part.ngc", "0" * 64)
-    scene.store.runs.end(run, "fault", **message("service_ended"))
+    scene.history.alarm("PROGRAM", message("stands_before"), cause=message("cause.EMCY"))
+    scene.history.run("part.ngc", "fault", **message("service_ended"))
     return scene
 
 

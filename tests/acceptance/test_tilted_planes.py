@@ -7,13 +7,14 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 from support.machines.stepped_runs import SHIPPED, cut, shipped
-from support.machines.traced_programs import stretches, trace
+from support.machines.traced_programs import segments, trace
 from support.oracles import tilted_planes
-from support.oracles.tilted_planes import Array, Bench
+from support.oracles.tilted_planes import Bench
 
+from controller.geometry.arrays import Array
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
-from controller.plan.path.path import joints_along
+from controller.plan.rotaries.branch import joints_along
 from controller.program.position import homed
 
 LENGTH = 12.5
@@ -69,9 +70,9 @@ def planned(name: str, dialect: str, hole: str) -> Gone:
     machine = shipped(name, dialect=dialect, without_point="unit", period_s=0.004)
     made = trace(PART.format(plane=PLANES[dialect][0], turn="G53.6", hole=hole), machine, homed(machine))
     rows, lines, kinematics = [], [], kinematics_of(machine)
-    for stretch in stretches(made):
-        rows.append(joints_along(stretch, np.linspace(0.0, stretch.motion.end, 41), kinematics))
-        lines += [stretch.place.line] * 41
+    for segment in segments(made):
+        rows.append(joints_along(segment, np.linspace(0.0, segment.motion.end, 41), kinematics))
+        lines += [segment.place.line] * 41
     return Gone(machine, np.vstack(rows), np.array(lines))
 
 

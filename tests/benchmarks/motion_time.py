@@ -1,7 +1,7 @@
 """How long the planned motion takes, beside a lower bound by toppra in the same run.
 
-The time of the cutting stretches in the planned program against velocity, acceleration and feed
-limits alone (no jerk), each smooth stretch at any speed where it joins another: Example 2 at three
+The time of the cutting segments in the planned program against velocity, acceleration and feed
+limits alone (no jerk), each smooth segment at any speed where it joins another: Example 2 at three
 feeds, both parts of the paper with the limits that LinuxCNC ships for its xyzac simulation, and random
 compound surfaces at feeds that bind. The planner's processor time stands beside it. Random paths on
 machines with limits drawn over four decades stand beside the jerk-limited optimum of their cuts.
@@ -30,7 +30,7 @@ from controller.machine.kinematics import kinematics_of  # noqa: E402
 from controller.machine.model import Machine  # noqa: E402
 from controller.plan.feed import profile  # noqa: E402
 from controller.plan.feed.course import FeedCourse  # noqa: E402
-from controller.plan.path.path import Chain  # noqa: E402
+from controller.plan.path.path import ContinuousPath  # noqa: E402
 from controller.program.program import ProgramError  # noqa: E402
 
 BOUND, OPTIMUM = "bound without jerk", "jerk-limited optimum"
@@ -56,10 +56,10 @@ def measured(name: str, source: str, machine: Machine) -> Cut:
     """Plan a program as it is run and compare its cuts with their bound."""
     kinematics = kinematics_of(machine)
     home = tuple(axis.homing.position for axis in machine.axes)
-    chains = [i for i in traced_programs.trace(source, machine, home).items if isinstance(i, Chain)]  # type: ignore[arg-type]
+    chains = [i for i in traced_programs.trace(source, machine, home).items if isinstance(i, ContinuousPath)]  # type: ignore[arg-type]
     cut = cpu = motion = bound = 0.0
     for chain in chains:
-        for run in profile.split_at_stops(chain.stretches, machine, kinematics):
+        for run in profile.split_at_stops(chain.segments, machine, kinematics):
             before = time.process_time()
             course = FeedCourse(run, machine, kinematics)
             planned = profile.plan(course)
@@ -109,7 +109,7 @@ def of_any_weight(count: int) -> list[Cut]:
         if len(found) >= count:
             break
         try:
-            cuts = [s for chain in planned_laws.chains(source, machine) for s in chain.stretches if s.cutting]
+            cuts = [s for chain in planned_laws.chains(source, machine) for s in chain.segments if s.cutting]
         except ProgramError:
             continue  # a surface that is refused; others will do
         before = time.process_time()

@@ -123,22 +123,22 @@ def off_lines_mm(file: Path, count: int, step_mm: float) -> float:
 
     from controller.machine import machine_file
     from controller.motion.motions import ToolSpline
-    from controller.plan.path import path
-    from controller.plan.path.path import Chain
+    from controller.plan.rotaries.branch import joints_along
+    from controller.plan.segment import ContinuousPath
     from controller.runtime import checked
 
     machine = machine_file.load("trunnion")
     asked = checked.task(file.read_bytes(), file.name, machine)
     corners, off, number = cam_lines.corners(cam_lines.places(count, step_mm)), 0.0, 0
-    chains = (item for item in checked.path_of(asked).items if isinstance(item, Chain))
-    for stretch in (stretch for chain in chains for stretch in chain.stretches):
-        motion = stretch.motion
+    chains = (item for item in checked.path_of(asked).items if isinstance(item, ContinuousPath))
+    for segment in (segment for chain in chains for segment in chain.segments):
+        motion = segment.motion
         if not isinstance(motion, ToolSpline):
             continue
         number += 1
         if number % EVERY == 1:
             s = np.linspace(0.0, motion.end, 2 + int(DENSE * motion.end))
-            joints = path.joints_along(stretch, s, asked.kinematics)
+            joints = joints_along(segment, s, asked.kinematics)
             tips = asked.kinematics.forward(joints.T, motion.length_mm, np).tip
             tip = np.array(machine.offsets[0].from_parent(tips)).T
             near = corners[max(0, motion.lines[0] - 6) : motion.lines[-1]]

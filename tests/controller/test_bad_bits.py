@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 
 import httpx
 import pytest
+from support import older_state
 from support.fakes import cutting_service
 from support.fakes.fake_engine import done, engine_of, served
 from support.fakes.fake_socket import FakeDoor
@@ -30,7 +31,7 @@ from controller import own_database
 from controller.api import backup, http, log_in_marker, own_folder
 from controller.api.app_state import Panel
 from controller.api.database import StoreError
-from controller.api.store import DAMAGED, Store
+from controller.api.store import Store
 from controller.api.users import Users, new_token
 from controller.commands.table import COMMANDS
 from controller.ipc import control_socket
@@ -54,7 +55,7 @@ USER = "anna"
 MACHINE = changer_bench.machine()
 TOUCHED = Probed(True, (0.0,) * len(MACHINE.axes), (0.0,) * len(MACHINE.axes))
 DATABASES = ("panel/store.sqlite", service_store.FILE)
-ASKED = ("status", "facts", "alarms", "runs", "usage", "probed", "restart", "changer")
+ASKED = ("status", "facts", "alarms", "usage", "probed", "restart", "changer")
 
 
 @pytest.fixture(scope="module")
@@ -91,8 +92,7 @@ def used(tmp_path_factory: pytest.TempPathFactory) -> Path:
             upload.write(f"({name})\nM2\n".encode())
             upload.commit()
     store.users.set(USER, QUICK.hash("correct horse"), "set_up")
-    store.alarms.add("TEST", message("stopped"), axis="X")
-    store.runs.end(store.runs.begin("a.ngc", "0" * 64, ticks=7), "stopped")
+    store.verdicts.set("record1", {"gouges": 0}, USER)
     store.queue.add("b.ngc", 3, USER)
     store.users.set("bert", QUICK.hash("battery staple"), "view")
     store.users.add_token(SHA256, "script", "set_up", USER)
@@ -130,7 +130,6 @@ def started(folder: Path) -> Found:
     service = served(folder, MACHINE)
     try:
         control_socket.note_runtime(service.state, folder)
-        runs.lose(service.state)
         desk = CommandHandlers(service)
         engine_of(service).tell_tool(service.set_up.tool)
         answers: dict[str, Any] = {"fitted": service.set_up.fitted, "tool": service.set_up.tool}
@@ -160,11 +159,9 @@ async def answered(app: Any, state: Path) -> tuple[Panel, list[str], Found]:
         panel = Panel(store, FakeDoor())
         panel.users = Users(store.users, hasher=QUICK)
         app.state.panel = panel
-        with contextlib.suppress(StoreError):
-            panel.gatherer.gather()
         strangers = [path for path, got in (await pages(app)).items() if got[0] not in (401, 503)]
         got = await pages(app, Authorization=f"Bearer {TOKEN}")
-        words: list[Any] = [one for one in store.alarms.list() if one.name == DAMAGED]
+        words: list[Any] = store.losses
         words += [panel.users.lost] if panel.users.lost is not None else []
         facts = {path: text for path, (code, text) in got.items() if code == 200 and path not in VOLATILE}
         return panel, strangers, Found(facts, words)
@@ -343,8 +340,8 @@ def test_users_that_a_bad_bit_has_cost_open_nothing_and_the_loss_is_reported(fol
     assert panel.users.lost is not None and panel.users.lost["key"] == "users_lost"
     with contextlib.closing(Store(state)) as store:
         assert store.users.all() == []
-        (alarm,) = (one for one in store.alarms.list() if one.name == DAMAGED)
-        assert alarm.key == "store_lost" and (store.own / "store.sqlite-wal.damaged1").exists()
+        (lost,) = store.losses
+        assert lost["key"] == "store_lost" and (store.own / "store.sqlite-wal.damaged1").exists()
         names = sorted(program.name for program in store.programs.list())
         assert len(names) == 2 and all(name.startswith("recovered/") for name in names)
         assert store.sweep() == 0
@@ -383,15 +380,11 @@ def test_a_part_of_the_users_that_is_lost_is_told_and_the_others_log_in(folder: 
 def test_a_store_of_before_there_were_notes_is_as_open_as_it_was(tmp_path: Path, app: Any) -> None:
     for users in (0, 1):
         state = tmp_path / str(users)
-        with contextlib.closing(Store(state)) as store:
-            if users:
-                store.users.set(USER, "hash", "set_up")
-            with store.database.write() as sql:
-                sql.execute("PRAGMA user_version = 3")
-        (store.own / log_in_marker.FILE).unlink()
+        anna = "INSERT INTO users VALUES ('anna', 'hash', 'set_up', 1.0)"
+        older_state.panel_store(own_folder.of(state), 3, *[anna] * users)
         panel, strangers, _ = asyncio.run(answered(app, state))
         assert panel.users.any is bool(users) and bool(strangers) is not bool(users)
-        assert log_in_marker.users(store.own) == users
+        assert log_in_marker.users(own_folder.of(state)) == users
 
 
 def test_the_last_user_that_is_removed_opens_it_again_and_none_that_was_lost(tmp_path: Path) -> None:

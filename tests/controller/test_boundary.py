@@ -17,13 +17,16 @@ from types import SimpleNamespace
 import pytest
 from support.fakes import cutting_service
 from support.fakes.fake_engine import served
+from support.machines.stepped_runs import shipped
 from support.suite.other_user import GROUP, PANEL, SERVICE, ends_well, needs_root
 
 from controller.api import own_folder
 from controller.api.routes import bring_up
 from controller.api.store import Store, StoreError
 from controller.api.uploads import UploadLimits
+from controller.ipc.control_socket import CommandRefused
 from controller.plan.report import stored
+from controller.service import jobs
 
 pytestmark = needs_root
 Tries = Callable[[Path, Path], object]  # of a victim, with a file of the panel's
@@ -227,3 +230,33 @@ def test_an_interrupted_parting_is_gone_on_with_and_opens_nothing(state: Path, d
         assert [one.name for one in store.programs.list()] == ["a.ngc"]
         assert [one.name for one in store.users.all()] == ["anna"] and store.users.lost is None
     assert not {"store.sqlite", "log_in", "programs"} & {*os.listdir(state)}
+
+
+def test_no_file_is_loaded_for_whom_may_not_read_it(state: Path) -> None:
+    """Not by its path, by a link, nor as a sub: a refusal would say what is in it."""
+    own, secret = own_folder.of(state), state.parent / "etc" / "kept"
+    (shared := state.parent / "etc" / "shared.ngc").write_bytes(b"(of anybody)\nM30\n")
+    secret.chmod(0o640)
+    (own / "link.ngc").symlink_to(secret)
+    (own / "main.ngc").write_bytes(b"o<kept> call\nM30\n")
+    os.chown(own / "main.ngc", PANEL, GROUP)
+
+    def asked(name: str, reader: int, **files: str) -> bytes:
+        values = {"path": str(own / name), "files": files, jobs.READER: reader}
+        return bytes(jobs.read(values, shipped()).program.text)
+
+    assert asked(str(shared), PANEL) == shared.read_bytes()
+    for name, files in (
+        (str(secret), {}),
+        ("link.ngc", {}),
+        ("main.ngc", {"kept": str(secret)}),
+        ("/proc/self/maps", {}),
+    ):
+        with pytest.raises(CommandRefused) as refused:
+            asked(name, PANEL, **files)
+        assert refused.value.said["key"] == "unreadable"
+    assert all(b"root's" in asked(name, 0) for name in (str(secret), "link.ngc"))
+    shared.parent.chmod(0o750)
+    with pytest.raises(CommandRefused):
+        asked(str(shared), PANEL)
+    assert asked("main.ngc", PANEL) == (own / "main.ngc").read_bytes()

@@ -16,6 +16,7 @@ import sqlite3
 import struct
 import tempfile
 import time
+import zipfile
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -30,6 +31,7 @@ from support.suite.other_user import GROUP, PANEL, SERVICE, ends_well, needs_roo
 from typer.testing import CliRunner
 
 from controller import atomic_file, own_database, own_files
+from controller.__main__ import app as main
 from controller.api import backup
 from controller.api.store import Store
 from controller.api.uploads import UploadLimits
@@ -122,8 +124,6 @@ def _verb(app: object, *words: str) -> Do:
 def _starts(state: Path, _: Path) -> None:
     """Service and plan, as far as they are the same without processes."""
     service = Service(shipped(), Folders.within(state), FakeEngine(shipped()))  # type: ignore[arg-type]
-    runs.lose(state)
-    runs.list_runs(state)
     service.close()
 
 
@@ -213,6 +213,9 @@ VERBS: dict[str, Do] = {
     "restore": _verb(backup_verbs.app, "restore", "OUT/saved.zip", *MACHINE, *BASE),
     "update": _verb(backup_verbs.app, "update", "OUT/etc/new.toml", *MACHINE, *BASE),
     "rollback": _verb(backup_verbs.app, "rollback", *BASE),
+    "support": _verb(main, "support", "OUT/case.zip", "--state", "STATE"),
+    "check": _verb(main, "state", "check", "--state", "STATE"),
+    "requests": _verb(main, "state", "requests", "--state", "STATE"),
     "send": _verb(dnc.app, "send", "a.ngc", "--port", "/dev/null", "--state", "STATE"),
 }
 
@@ -361,6 +364,38 @@ def test_nothing_beside_or_in_the_place_of_a_database_is_written_through(
     with unharmed(outside):
         for do in (VERBS["users add"], VERBS["upload"], DONE["tools"], VERBS["save"]):
             _refused(do, state, outside)
+
+
+@needs_root
+@pytest.mark.parametrize("plant", ["link", "hard link"])
+def test_no_archive_that_root_makes_has_what_nobody_but_root_may_read(
+    state: Path, outside: Path, plant: str
+) -> None:
+    """By links and second names in the panel's folder, and by rows of its store that lead out of it."""
+    victim, own = outside / "shadow", state / "panel"
+    victim.write_text("root:$6$salt")
+    victim.chmod(0o600)
+    with contextlib.closing(Store(state, UploadLimits(free_bytes=0))) as store:
+        for name in ("b.ngc", "c.ngc"):
+            upload(store, name, f"({name})".encode())
+        found = {program.name: program.sha256 for program in store.programs.list()}
+        with store.database.write() as sql:
+            sql.execute("UPDATE programs SET sha256 = '../../outside/shadow' WHERE name = 'c.ngc'")
+    planted = own / "programs" / f"{found['b.ngc']}.ngc"
+    planted.unlink()
+    shutil.copyfile(victim, outside / "shadow.ngc")
+    (own / "crashes").mkdir()
+    for place in (planted, own / "crashes" / "1.txt"):
+        PLANTS[plant](victim, place)
+    for path in (own, *own.rglob("*")):
+        if not path.is_symlink() and path.stat().st_nlink < 2 + path.is_dir():
+            os.chown(path, PANEL, GROUP)
+    for verb, archive in (("support", "case.zip"), ("save", "saved2.zip")):
+        _refused(VERBS[verb], state, outside)
+        if (outside.parent / archive).exists():
+            with zipfile.ZipFile(outside.parent / archive) as parts:
+                assert not [name for name in parts.namelist() if b"$6$" in parts.read(name)], verb
+    assert (outside.parent / "case.zip").exists()
 
 
 @needs_root

@@ -11,16 +11,17 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from support.fakes.written_history import WrittenHistory
 from support.faults.harm import harmed, times
 from support.machines.stored_tools import StoredTools
 from support.suite.seed import SEED
 
 from controller import own_database, sealed_rows
 from controller.api.database import StoreError
-from controller.api.store import DAMAGED, Store
+from controller.api.store import Store
 from controller.machine.toml_table import ConfigError
 from controller.messages import message
-from controller.store import service_store
+from controller.store import history, service_store
 from controller.store.tool_store import Step
 
 STORE, TOOLS = "panel/store.sqlite", service_store.FILE
@@ -37,9 +38,7 @@ def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for name, role in (("anna", "set_up"), ("bert", "view")):
         store.users.set(name, f"hash of {name}", role)
     store.settings.set("upload_mb", 8, "anna")
-    for result in ("completed", "stopped"):
-        store.runs.end(store.runs.begin("a.ngc", "0" * 64, ticks=7), result)
-    store.alarms.add("TEST", message("stopped"), axis="X")
+    store.verdicts.set("record1", {"gouges": 0}, "verdicts")
     store.queue.add("a.ngc", 3, "anna")
     store.close()
     tools = StoredTools(folder)
@@ -47,6 +46,11 @@ def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
     tools.begin(Step(2, 3, 1, "to the pocket", 2, 2))
     tools.end()
     tools.close()
+    written = WrittenHistory(folder)
+    for result in ("completed", "stopped"):
+        written.run("a.ngc", result, ticks=7)
+    written.alarm("TEST", message("stopped"), axis="X")
+    written.store.close()
     for name in (STORE, TOOLS):
         with contextlib.closing(own_database.opened(folder / name)) as sql:
             sql.execute("PRAGMA wal_checkpoint(TRUNCATE)")
@@ -63,14 +67,14 @@ def of_store(store: Store) -> dict[str, Any]:
         "programs": store.programs.list(),
         "users": store.users.all(),
         "settings": store.settings.all(),
-        "runs": store.runs.list(),
-        "alarms": [one for one in store.alarms.list() if one.name != DAMAGED],
+        "verdicts": store.verdicts.all(),
         "queue": store.queue.all(),
     }
 
 
 def of_tools(tools: StoredTools) -> Any:
-    return tools.spindle, dict(tools.places), tools.step, tools.log()
+    with history.reading(tools.kept.file.parent) as past:
+        return tools.spindle, dict(tools.places), tools.step, tools.log(), past.runs(), past.alarms()
 
 
 def harms(file: Path, count: int, rng: random.Random) -> Iterator[bytes]:
@@ -95,7 +99,7 @@ def harm_tools(folder: Path, count: int) -> int:
             continue
         try:
             found = None if tools.kept.losses else of_tools(tools)
-        except OSError:
+        except (OSError, sqlite3.Error):
             found = None
         finally:
             tools.close()
@@ -116,7 +120,7 @@ def harm_store(folder: Path, count: int) -> int:
         found = None
         with contextlib.suppress(StoreError), contextlib.closing(Store(folder)) as store:
             store.sweep()
-            if not any(one.name == DAMAGED for one in store.alarms.list()):
+            if not store.losses:
                 found = of_store(store)
         known = known or found
         noticed += found is None
@@ -173,11 +177,11 @@ def test_a_user_who_is_another_than_was_written_is_taken_out_and_reported(
     with contextlib.closing(Store(folder)) as store:
         store.sweep()
         assert [user.name for user in store.users.all()] == ["anna"]
-        (alarm,) = (one for one in store.alarms.list() if one.name == DAMAGED)
-        assert alarm.key == "store_rows" and alarm.values and alarm.values["tables"] == "users 1"
+        (lost,) = store.losses
+        assert lost["key"] == "store_rows" and lost["values"]["tables"] == "users 1"
         assert store.users.lost is not None
         store.sweep()
-        assert sum(one.name == DAMAGED for one in store.alarms.list()) == 1
+        assert len(store.losses) == 1
     with contextlib.closing(sqlite3.connect(folder / f"{STORE}.damaged1")) as sql:
         assert sql.execute("SELECT count(*) FROM users WHERE name = 'anna'").fetchone() == (1,)
 

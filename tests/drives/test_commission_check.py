@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -90,10 +91,8 @@ def test_every_mismatch_is_told_not_only_the_first() -> None:
 
 
 def test_a_missing_object_that_the_profile_calls_optional_is_a_remark() -> None:
-    from dataclasses import replace
-
     profile = replace(GENERIC, optional=(0x6065,))
-    found, remarks = possible.of_profile(profile, changed("6065", "", ""), MASTER)
+    found, remarks, _ = possible.of_profile(profile, changed("6065", "", ""), MASTER)
     assert found == []
     assert "object 6065h is not in the data sheet; the profile does without it." in map(english, remarks)
 
@@ -104,8 +103,22 @@ def test_a_missing_object_that_the_profile_calls_optional_is_a_remark() -> None:
 )
 def test_a_position_in_si_units_says_what_counts_a_machine_file_is_to_have(word: str, said: str) -> None:
     """Which check of a machine and commissioning refuse otherwise; a sheet alone has no counts."""
-    _, remarks = possible.of_profile(GENERIC, changed("60A8", "DefaultValue", word), MASTER)
-    assert any(said in english(remark) for remark in remarks), [*map(english, remarks)]
+    verdict = possible.of_profile(GENERIC, changed("60A8", "DefaultValue", word), MASTER)
+    assert [said in english(one) for one in verdict.undecided] == [True] and not verdict.problems
+
+
+def test_a_search_for_a_switch_at_a_speed_that_nobody_says_is_warned_of() -> None:
+    """A drive that has 0 there stands still until homing is given up."""
+    about = changed("6099sub1", "DefaultValue", "0")
+    node = NodeSettings("X", "can", 1, "mine.eds", homing_method=24)
+    for one, warned in (
+        (node, True),
+        (replace(node, homing_method=37), False),
+        (replace(node, absolute=True), False),
+        (replace(node, homing_fast_counts_s=500), False),
+    ):
+        told = [english(each) for each in possible.warnings(one, MASTER, about)]
+        assert any("6099h:01" in each and "homing never ends" in each for each in told) is warned, told
 
 
 # What reads like a refusal: something that somebody is to do, or to give up.
@@ -123,7 +136,7 @@ REFUSES = re.compile(r"is needed|override|choose|change |must ")
 def test_a_velocity_that_cannot_go_beside_the_target_is_a_remark_and_reads_like_one(
     section: str, key: str, value: str, says: str
 ) -> None:
-    found, remarks = possible.of_profile(GENERIC, changed(section, key, value), MASTER)
+    found, remarks, _ = possible.of_profile(GENERIC, changed(section, key, value), MASTER)
     assert found == []
     told = [one for one in map(english, remarks) if "feed_forward" in one]
     begins = "feed_forward = true is not for this drive, and is not needed: "
@@ -137,7 +150,7 @@ def test_a_velocity_that_cannot_go_beside_the_target_is_a_remark_and_reads_like_
 
 
 def test_other_choices_that_a_sheet_has_no_room_for_are_remarks_too() -> None:
-    found, remarks = possible.of_profile(GENERIC, changed("60E3sub1", "DefaultValue", "36"), MASTER)
+    found, remarks, _ = possible.of_profile(GENERIC, changed("60E3sub1", "DefaultValue", "36"), MASTER)
     assert found == []
     assert not any(REFUSES.search(one) for one in map(english, remarks)), remarks
     told = [one for one in map(english, remarks) if one.startswith("method = ")]

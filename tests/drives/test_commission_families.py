@@ -46,7 +46,7 @@ def bench(nodes: list[NodeSettings]) -> tuple[Rig, commission.Network]:
 
 @pytest.mark.parametrize("name", SHEETS)
 def test_a_family_has_all_that_its_profile_needs(name: str) -> None:
-    found, _ = possible.of_profile(
+    found, *_ = possible.of_profile(
         drive_profiles.load(name), sheet.load(sheet_of(name), 1), MASTER, 1_000_000
     )
     assert found == []
@@ -171,7 +171,7 @@ def test_what_a_family_cannot_do_is_refused_with_the_reason(
 def test_a_profile_of_another_family_is_found_out_object_by_object(
     sheet_name: str, name: str, why: str
 ) -> None:
-    found, _ = possible.of_profile(drive_profiles.load(name), sheet.load(sheet_of(sheet_name), 1), MASTER)
+    found, *_ = possible.of_profile(drive_profiles.load(name), sheet.load(sheet_of(sheet_name), 1), MASTER)
     assert any(re.search(why, english(sentence)) for sentence in found), found
 
 

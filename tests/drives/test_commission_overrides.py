@@ -161,7 +161,7 @@ def test_the_gold_sheet_as_its_maker_ships_it_does_all_that_the_profile_needs(tm
     family, found = drive_profiles.load("elmo_gold"), sheet.load(str(gold(tmp_path)), 1)
     assert possible.of_profile(family, found, MASTER)[0]
     found = sheet.load(str(gold(tmp_path)), 1, family.overrides)
-    problems, remarks = possible.of_profile(family, found, MASTER, 1_000_000)
+    problems, remarks, _ = possible.of_profile(family, found, MASTER, 1_000_000)
     assert problems == []
     assert sum("1016h:01" in english(remark) for remark in remarks) == 1
 

@@ -7,6 +7,7 @@ import random
 import re
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -140,6 +141,55 @@ def test_units_by_the_defaults_are_judged_as_commissioning_does() -> None:
 def makers() -> list[str]:
     folder = os.environ.get("DIRECTRIX_EDS", "")
     return sorted(str(one) for one in Path(folder).glob("*.[ed][dc][sf]")) if folder else []
+
+
+# Words of 60A8h, 60A9h, 60AAh and ratios of factors as makers have them, and some that nobody has.
+WORDS: dict[int, tuple[int, ...]] = {
+    0x60A8: (0, 0x00B50000, 0xFA010000, 0xFD010000, 0xFD410000, 0x00B40000),
+    0x60A9: (0, 0x00B44700, 0x00B50300, 0xFD010300, 0x00410300, 0x00775500, 0x00B45500),
+    0x60AA: (0, 0x00B50300, 0x00C00300, 0x00B44700),
+    0x607E: (0, 0x80, 0xC0),
+}
+MACHINES: tuple[dict[str, Any], ...] = (
+    {},
+    {"counts_per_si": 1e6},
+    {"counts_per_si": 1e5},
+    {"counts_per_si": 57_295.779513, "rotary": True},
+    {"velocity_unit_counts_s": 1.0},
+    {"velocity_unit_counts_s": 68.2666667},
+)
+
+
+@pytest.mark.parametrize("eds", [str(EDS), *makers()])
+@pytest.mark.parametrize("seed", range(6))
+def test_three_verdicts_never_differ(eds: str, seed: int) -> None:
+    """A sheet's alone, a machine's by the sheet, commissioning's: what nobody refuses, what every machine
+    is refused for, and, by name, what the one machine is refused for and another not.
+    """
+    draw = random.Random(seed)
+    text = Path(eds).read_text(encoding="latin-1")
+    for index, words in WORDS.items():
+        held = re.compile(rf"(?i)(\[{index:04X}\]\n(?:[^\[\n].*\n)*?DefaultValue=).*")
+        text = held.sub(rf"\g<1>{draw.choice(words):#x}", text)
+    found = draft.draft("mine", sheet.read(text, "mine.eds"), MASTER)
+    node = replace(node_of(found, text), homing_fast_counts_s=0, feed_forward=False)
+    verdict = possible.of_profile(found.profile, sheet.of(node), MASTER, BUS.bit_rate)
+    refused = []
+    for said in MACHINES:
+        one = replace(node, **said)
+        refused.append(bool(commission.on_paper(one, MASTER, BUS.bit_rate)[0]))
+        try:
+            commissioned(one)
+            assert not refused[-1], said
+        except commission.CommissionError as error:
+            assert refused[-1], (said, str(error))
+    assert all(refused) or not verdict.problems, [*map(english, verdict.problems)]
+    if not verdict.problems:
+        wordless = [
+            one for one, said in zip(refused, MACHINES, strict=True) if "velocity_unit_counts_s" not in said
+        ]
+        assert any(wordless) <= bool(verdict.undecided), "a unit of its own may be a mistake of the file"
+        assert not all(refused), [*map(english, verdict.undecided)]
 
 
 @pytest.mark.parametrize("eds", makers() or [pytest.param("", marks=pytest.mark.skip("DIRECTRIX_EDS"))])

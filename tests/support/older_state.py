@@ -1,20 +1,20 @@
-"""What versions before left in a state folder: sealed files with the generation before beside each."""
+"""What versions before left in a state folder: of the panel, a store of an older schema."""
 
 from __future__ import annotations
 
 import contextlib
-import json
 from pathlib import Path
-from typing import Any
 
-from controller import sealed_file
+from controller import own_database
+from controller.api import database
 
 
-def write(file: Path, values: Any) -> None:
-    """As the file's next generation; what was there is the one before."""
-    generation = 1
-    with contextlib.suppress(FileNotFoundError):
-        before = sealed_file.before(file)
-        before.write_bytes(file.read_bytes())
-        generation = int(json.loads(before.read_text())[sealed_file.SEAL]["generation"]) + 1
-    file.write_text(sealed_file.text(values, file.name, generation))
+def panel_store(folder: Path, version: int, *rows: str) -> Path:
+    """With a schema of then, and what statements put into it."""
+    folder.mkdir(parents=True, exist_ok=True)
+    with contextlib.closing(own_database.opened(folder / "store.sqlite")) as sql:
+        with own_database.transaction(sql):
+            own_database.migrate(sql, database.MIGRATIONS[:version], 0)
+        for row in rows:
+            sql.execute(row)
+    return folder / "store.sqlite"

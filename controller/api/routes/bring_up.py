@@ -101,7 +101,7 @@ async def begin(request: Request, step: Name, body: StepStart) -> models.Done:
     """Begin a step: whatever it moves moves now. Hold and stop end it as they end any run."""
     panel = panel_of(request)
     await asyncio.to_thread(_named, panel, step)
-    scheme, (host, port) = request.scope["scheme"], request.scope["server"]
+    scheme, (host, port) = "https" if panel.by_tls else "http", request.scope["server"]
     part = panel.store.programs.get(body.part) if body.part else None
     job = {
         "state": str(panel.store.folder),

@@ -19,6 +19,7 @@ from controller.api.routes.machine import LOOKS
 from controller.api.slashes import Name
 from controller.machine.machine_file import written
 from controller.plan.report import picture
+from controller.store.history import History
 
 router = APIRouter(tags=["looks"])
 FAILED = ("fault", "refused", "lost")
@@ -40,12 +41,10 @@ async def machine_file(request: Request) -> models_of_diagnostics.MachineFile:
     return models_of_diagnostics.MachineFile(name=machine.name, rows=rows, text=text)
 
 
-@router.get("/statistics/runs", dependencies=[needs(Role.VIEW)], responses=documented(401, 403))
+@router.get("/statistics/runs", dependencies=[needs(Role.VIEW)], responses=documented(401, 403, 503))
 async def run_sums(request: Request) -> models_of_diagnostics.RunSums:
     """Runs counted by their result, and the time they took."""
-    panel = panel_of(request)
-    await asyncio.to_thread(panel.gatherer.gather)
-    found = await asyncio.to_thread(panel.store.runs.sums)
+    found = await panel_of(request).past.ask(History.sums_of_runs)
     counts = {result: count for result, (count, _, _) in found.items()}
     return models_of_diagnostics.RunSums(
         runs=sum(counts.values()),

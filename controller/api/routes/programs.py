@@ -6,8 +6,9 @@ A name with folders is one part of a path: ``/programs/fixtures%2Fpart.ngc/text`
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
-from typing import Annotated, Any
+from typing import Annotated
 from urllib.parse import quote
 
 from fastapi import APIRouter, Query, Request, Response
@@ -22,6 +23,7 @@ from controller.api.programs import Program
 from controller.api.roles import Role
 from controller.api.routes.records import FILE, Opened
 from controller.api.slashes import Name
+from controller.store.history import History
 
 router = APIRouter(tags=["programs"])
 Place = Annotated[int, Query(ge=0, le=10**9)]
@@ -78,26 +80,22 @@ async def upload(request: Request, response: Response) -> models.ProgramFacts:
     """Upload a program under its file's name; it is checked, and never starts by itself."""
     program = (await take(request)).program
     response.headers["Location"] = place_of(request, program)
-    return await asyncio.to_thread(_facts, panel_of(request), program)
+    return (await _facts(panel_of(request), lambda: [program]))[0]
 
 
 @router.get("/programs", dependencies=[needs(Role.VIEW)], responses=documented(401, 403, 422))
 async def programs(request: Request, brief: bool = False) -> models.ProgramList:
     """All programs, by name; ``brief``: of what their checks found only what a list shows."""
     panel = panel_of(request)
-
-    def listed() -> list[models.ProgramFacts]:
-        found = [_facts(panel, program) for program in panel.store.programs.list()]
-        return [_brief(one) for one in found] if brief else found
-
-    return models.ProgramList(programs=await asyncio.to_thread(listed))
+    found = await _facts(panel, panel.store.programs.list)
+    return models.ProgramList(programs=[_brief(one) for one in found] if brief else found)
 
 
 @router.get("/programs/{name}", dependencies=[needs(Role.VIEW)], responses=documented(401, 403, 404, 422))
 async def program(request: Request, name: Name) -> models.ProgramFacts:
     """One program, with its check and its last run."""
     panel = panel_of(request)
-    return await asyncio.to_thread(lambda: _facts(panel, panel.store.programs.get(name)))
+    return (await _facts(panel, lambda: [panel.store.programs.get(name)]))[0]
 
 
 @router.get(
@@ -154,7 +152,7 @@ async def rename(request: Request, name: Name, body: models.Rename) -> models.Pr
     used = await panel.watch.in_use()
     renamed = await asyncio.to_thread(panel.store.programs.rename, name, body.name, used)
     panel.events.tell("programs", {"name": name, "done": "renamed", "to": renamed.name})
-    return await asyncio.to_thread(_facts, panel, renamed)
+    return (await _facts(panel, lambda: [renamed]))[0]
 
 
 @router.patch(
@@ -172,10 +170,10 @@ async def move(request: Request, name: Name, body: models.Rename) -> models.Prog
     moved = await asyncio.to_thread(panel.store.programs.move, name, body.name, used)
     panel.events.tell("programs", {"name": name, "done": "moved", "to": body.name})
 
-    def listed() -> list[models.ProgramFacts]:
-        return [_facts(panel, panel.store.programs.get(to)) for to in sorted(moved.values())]
+    def listed() -> list[Program]:
+        return [panel.store.programs.get(to) for to in sorted(moved.values())]
 
-    return models.ProgramList(programs=await asyncio.to_thread(listed))
+    return models.ProgramList(programs=await _facts(panel, listed))
 
 
 @router.delete(
@@ -220,11 +218,18 @@ async def ask_check(request: Request, name: Name) -> models.CheckFacts:
     return await asyncio.to_thread(ask)
 
 
-def _facts(panel: Panel, program: Program) -> models.ProgramFacts:
-    run = panel.store.runs.last_of(program.name)
-    last: dict[str, Any] | None = asdict(run) if run else None
-    made = panel.store.runs.completed_of(program.name) if run else 0
-    return models.ProgramFacts(**asdict(program), check=_check(panel, program), last_run=last, completed=made)
+async def _facts(panel: Panel, wanted: Callable[[], Sequence[Program]]) -> list[models.ProgramFacts]:
+    """Of programs that are looked up in a thread; of their runs nothing where the service is gone. Raises
+    StoreError.
+    """
+    ran = await panel.past.ask_if_there(History.by_program)
+
+    def of(program: Program) -> models.ProgramFacts:
+        last, made = (ran or {}).get(program.name, (None, None if ran is None else 0))
+        facts = {**asdict(program), "last_run": asdict(last) if last else None, "completed": made}
+        return models.ProgramFacts(**facts, check=_check(panel, program))
+
+    return await asyncio.to_thread(lambda: [of(program) for program in wanted()])
 
 
 def _brief(program: models.ProgramFacts) -> models.ProgramFacts:

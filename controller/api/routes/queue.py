@@ -67,7 +67,9 @@ async def queue(request: Request) -> QueueFacts:
 async def add(request: Request, body: NewEntry) -> QueueFacts:
     """Put a program at its end; nothing is loaded or started by that."""
     panel, who = panel_of(request), await principal(request)
-    await asyncio.to_thread(panel.store.queue.add, body.program, body.count, who.name)
+    added = await asyncio.to_thread(panel.store.queue.add, body.program, body.count, who.name)
+    if [added] == await asyncio.to_thread(panel.store.queue.all):
+        await panel.past.ask_if_there(panel.store.queue.count_runs)  # from here on
     return await _changed(panel)
 
 

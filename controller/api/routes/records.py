@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import time
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path as FilePath
 from typing import Annotated, Any, BinaryIO
 
@@ -16,14 +15,16 @@ from starlette.types import Receive, Scope, Send
 
 from controller import messages
 from controller.api import models, run_report
-from controller.api.access import needs, panel_of, principal
+from controller.api.access import needs, panel_of
 from controller.api.answers import Refusal, documented, spoken
 from controller.api.app_state import Panel
 from controller.api.names import leaf_of
 from controller.api.roles import Role
-from controller.api.run_verdicts import NothingToJudge
-from controller.api.store import Run
+from controller.api.run_report import AS_CUT
+from controller.api.run_verdicts import NothingToJudge, record_name
 from controller.messages import Key
+from controller.state import record_files
+from controller.store.history import Alarm, History, Run
 
 router = APIRouter(tags=["records"])
 Most = Annotated[int, Query(ge=1, le=1000, description="At most so many.")]
@@ -32,7 +33,7 @@ Only = Annotated[str, Query(pattern="^(all|open)$", description="'open': not ack
 Number = Annotated[int, Path(ge=1, le=2**53)]
 Speaks = Annotated[str, Query(max_length=20, description="Language of the page; empty: the one asked for.")]
 MAX_ALARMS = 1000  # looked through for those of a run
-PAGE = documented(401, 403, 422)
+PAGE = documented(401, 403, 422, 503)
 FileName = Annotated[str, Path(pattern=r"^[0-9A-Za-z][0-9A-Za-z._-]{0,100}$")]
 BYTES = {"content": {"application/octet-stream": {"schema": {"type": "string", "format": "binary"}}}}
 FILE: dict[int | str, dict[str, Any]] = {
@@ -65,48 +66,58 @@ async def alarms(
     request: Request, most: Most = 100, before_id: Before = None, only: Only = "all"
 ) -> models.AlarmList:
     """Alarms, the latest first."""
-    panel = panel_of(request)
-    await asyncio.to_thread(panel.gatherer.gather)
-    rows = await asyncio.to_thread(panel.store.alarms.list, most, before_id, only == "open")
+    rows = await panel_of(request).past.ask(lambda past: past.alarms(most, before_id, only == "open"))
     return models.AlarmList(alarms=[models.AlarmFacts(**asdict(r)) for r in rows], before=before(rows, most))
 
 
 @router.post(
     "/alarms/{number}/acknowledge",
     dependencies=[needs(Role.OPERATE)],
-    responses=documented(401, 403, 404, 422),
+    responses=documented(401, 403, 404, 409, 422, 503),
 )
 async def acknowledge(request: Request, number: Number) -> models.AlarmFacts:
     """Somebody has seen an alarm; who, is kept. It resets nothing."""
-    panel, who = panel_of(request), await principal(request)
-    alarm = await asyncio.to_thread(panel.store.alarms.acknowledge, number, who.name)
-    with contextlib.suppress(Refusal):  # it is kept here, whether or not the service is there to be told
-        await panel.door.ask("acknowledge", id=alarm.facts.get("number", number))
-    return models.AlarmFacts(**asdict(alarm))
+    panel = panel_of(request)
+    await _alarm(panel, number)
+    await panel.door.ask("acknowledge", id=number)
+    return await _alarm(panel, number)
+
+
+async def _alarm(panel: Panel, number: int) -> models.AlarmFacts:
+    found = await panel.past.ask(lambda past: past.alarm(number))
+    if found is None:
+        raise Refusal.of(404, "missing", "missing", what=Key("what.alarm"), name=number)
+    return models.AlarmFacts(**asdict(found))
 
 
 @router.get("/runs", dependencies=[needs(Role.VIEW)], responses=PAGE)
 async def runs(request: Request, most: Most = 100, before_id: Before = None) -> models.RunList:
     """Runs, the latest first: duration, cut time, worst following error, result."""
     panel = panel_of(request)
-    await asyncio.to_thread(panel.gatherer.gather)
-    rows = await asyncio.to_thread(panel.store.runs.list, most, before_id)
+
+    def listed(past: History) -> list[Run]:
+        return [_whole(panel, one) for one in past.runs(most, before_id)]
+
+    rows = await panel.past.ask(listed)
     return models.RunList(runs=[models.RunFacts(**asdict(r)) for r in rows], before=before(rows, most))
 
 
-@router.get("/runs/{number}", dependencies=[needs(Role.VIEW)], responses=documented(401, 403, 404, 422))
+@router.get("/runs/{number}", dependencies=[needs(Role.VIEW)], responses=documented(401, 403, 404, 422, 503))
 async def run(request: Request, number: Number) -> models.RunFacts:
     """One run, with the names of its files."""
     panel = panel_of(request)
-    found = await _run(panel, number)
-    files = await asyncio.to_thread(files_of, panel.run_records, _record(found))
+    return await _with_files(panel, await _run(panel, number))
+
+
+async def _with_files(panel: Panel, found: Run) -> models.RunFacts:
+    files = await asyncio.to_thread(files_of, panel.run_records, record_name(found))
     return models.RunFacts(**asdict(found), files=files)
 
 
 @router.post(
     "/runs/{number}/verdict",
     dependencies=[needs(Role.OPERATE)],
-    responses=documented(401, 403, 404, 409, 422),
+    responses=documented(401, 403, 404, 409, 422, 503),
 )
 async def judge(request: Request, number: Number) -> models.RunFacts:
     """Have a run judged again as its drives have cut it; what comes of it stands with its facts."""
@@ -116,8 +127,7 @@ async def judge(request: Request, number: Number) -> models.RunFacts:
         await asyncio.to_thread(panel.verdicts.ask, found)
     except NothingToJudge:
         raise Refusal.of(409, "refused", "run_has_no_verdict", id=number) from None
-    files = await asyncio.to_thread(files_of, panel.run_records, _record(found))
-    return models.RunFacts(**asdict(found), files=files)
+    return await _with_files(panel, found)
 
 
 @router.put(
@@ -130,21 +140,19 @@ async def keep(request: Request, number: Number, body: models.Switch) -> models.
     panel = panel_of(request)
     record = await record_of(panel, number)
     await panel.door.ask("keep_run", record=record, on=body.on)
-    await asyncio.to_thread(panel.store.runs.add_facts, number, kept=body.on)
-    files = await asyncio.to_thread(files_of, panel.run_records, record)
-    return models.RunFacts(**asdict(await _run(panel, number)), files=files)
+    return await _with_files(panel, await _run(panel, number))
 
 
 @router.get(
     "/runs/{number}/files/{file}",
     dependencies=[needs(Role.VIEW)],
     response_class=FileResponse,
-    responses=FILE,
+    responses={**FILE, **documented(503)},
 )
 async def run_file(request: Request, number: Number, file: FileName) -> Opened:
     """One file of a run's record: run.json, setpoints.npz, and what ``directrix replay`` needs."""
     panel = panel_of(request)
-    return await _sent(panel.run_records, _record(await _run(panel, number)), file)
+    return await _sent(panel.run_records, record_name(await _run(panel, number)), file)
 
 
 @router.get(
@@ -153,46 +161,50 @@ async def run_file(request: Request, number: Number, file: FileName) -> Opened:
     response_class=Response,
     responses={
         200: {"content": {"text/html": {"schema": {"type": "string"}}}},
-        **documented(401, 403, 404, 422),
+        **documented(401, 403, 404, 422, 503),
     },
 )
 async def report(request: Request, number: Number, language: Speaks = "") -> HTMLResponse:
     """One run as a page to be printed: how it went, its check, its alarms."""
     panel = panel_of(request)
     found = await _run(panel, number)
-    told = await asyncio.to_thread(_reported, panel, found)
+    alarms = await panel.past.ask(lambda past: past.alarms(MAX_ALARMS))
+    told = await asyncio.to_thread(_reported, panel, found, alarms)
     return HTMLResponse(run_report.page(told, messages.chosen(language, spoken.get())))
 
 
-def _reported(panel: Panel, run: Run) -> run_report.Facts:
+def _reported(panel: Panel, run: Run, alarms: Sequence[Alarm]) -> run_report.Facts:
     """The check is of the machine as it is fitted now: the store keeps no other by the run."""
     check = None
     if panel.checker is not None:
         check = panel.store.checks.get(run.sha256, panel.checker.machine())
-    ended_s = run.ended_s if run.ended_s is not None else time.time()
-    alarms = [one for one in panel.store.alarms.list(MAX_ALARMS) if run.began_s <= one.at_s <= ended_s]
-    files = files_of(panel.run_records, _record(run))
-    return run_report.Facts(run, check.result if check is not None else {}, alarms[::-1], files)
+    during = [one for one in alarms if run.began_s <= one.at_s <= run.ended_s]
+    files = files_of(panel.run_records, record_name(run))
+    return run_report.Facts(run, check.result if check is not None else {}, during[::-1], files)
 
 
 async def record_of(panel: Panel, number: int) -> str:
     """Name of the folder of a run's record, which is there. Raises Refusal."""
-    name = _record(await _run(panel, number))
+    name = record_name(await _run(panel, number))
     if name not in {one.name for one in await asyncio.to_thread(inside, panel.run_records)}:
         raise Refusal.of(404, "missing", "record_gone", number=number)
     return name
 
 
 async def _run(panel: Panel, number: int) -> Run:
-    found = await asyncio.to_thread(panel.store.runs.get, number)
+    found = await panel.past.ask(lambda past: past.run(number))
     if found is None:
         raise Refusal.of(404, "missing", "missing", what=Key("what.run"), name=number)
-    return found
+    return await asyncio.to_thread(_whole, panel, found)
 
 
-def _record(run: Run) -> str:
-    """Name of the folder that the service wrote."""
-    return str(run.facts.get("record", ""))
+def _whole(panel: Panel, run: Run) -> Run:
+    """With the panel's verdict on it, and whether its record stays. Raises StoreError."""
+    record = record_name(run)
+    cut = panel.store.verdicts.get(record)
+    stays = record and (panel.run_records / record / record_files.KEPT).exists()
+    more = {**({AS_CUT: cut} if cut else {}), **({"kept": True} if stays else {})}
+    return replace(run, facts={**run.facts, **more})
 
 
 @router.get("/recordings", dependencies=[needs(Role.VIEW)], responses=documented(401, 403))

@@ -121,7 +121,7 @@ async def _confirmed(request: Request, password: str) -> User:
 
 
 def check_password(password: str, name: str) -> None:
-    """Raises Refusal 422 for one that anybody tries first."""
+    """Raises Refusal 422 for one that is easy to guess."""
     if (why := passwords.check(password, [name])) is not None:
         raise Refusal(422, "password", why)
 

@@ -34,6 +34,7 @@ GAP = 1e-5  # share of the time that may be left on the table when the search en
 MAX_STEPS = 150
 PRICE = 10.0  # of exceeding one limit by its whole size in one interval, in times of the law
 STEP_OF_NOTHING, MAX_IDLE = 2e-3, 6  # share of a step that is none, and how many of them in a row
+MOST_USED = 2  # limits of an interval, and of jerk at a place of it, where there are to be few
 MIN_PRICE = 1e-12  # of what is no limit
 SOFT = 1.0  # the same of all of a cap that is exceeded to begin with
 MAX_CHANGE = 0.15  # of z in one step, while the walls may come nearer
@@ -101,12 +102,31 @@ class Point:
     stuck: bool = False  # no step leads on
 
 
-def solve(limits: Limits, c: Array, before: Point | None = None, gap: float = GAP) -> Point:
-    """The fastest coefficients, from any positive ones; ``before`` is a solution under similar limits."""
-    return _Solver(limits).run(c, before, gap)
+def solve(
+    limits: Limits,
+    c: Array,
+    before: Point | None = None,
+    gap: float = GAP,
+    few: bool = False,
+    unit: float | None = None,
+) -> Point:
+    """The fastest coefficients, from any positive ones; ``before`` is a solution under similar limits.
+
+    ``few``: of each interval's limits only those that ``c``, nearly the solution, uses most are kept: most
+    rows of all are limits far away. ``unit``: of the time, left out the time of ``c``.
+    """
+    if not few:
+        return _Solver(limits).run(c, before, gap, unit)
+    rows = _Rows.most_used(limits, c)
+    if before is not None:
+        before = replace(before, price=np.take_along_axis(before.price, rows.which, axis=0))
+    point = _Solver(rows.limits).run(c, before, gap, unit)
+    price = np.full((rows.many, len(limits.width)), MIN_PRICE)
+    np.put_along_axis(price, rows.which, point.price, axis=0)
+    return replace(point, price=price)
 
 
-def solve_near(limits: Limits, before: Point, near: Flags) -> Point:
+def solve_near(limits: Limits, before: Point, near: Flags, few: bool = False) -> Point:
     """As ``solve`` after ``before`` in the intervals ``near`` (m,) alone; all others stay as they are."""
     part = _Part.of(limits, before.c, near)
     inner, whole, found = part.which >= 0, _Solver(limits), _Solver(part.limits)
@@ -114,13 +134,41 @@ def solve_near(limits: Limits, before: Point, near: Flags) -> Point:
     cap_price[whole.capped] = before.cap_price
     price = np.where(inner, before.price[:, part.which], MIN_PRICE)
     begun = replace(before, price=price, cap_price=cap_price[part.coefficients][found.capped])
-    point = found.run(before.c[part.coefficients], begun, GAP, before.unit)
+    point = solve(part.limits, before.c[part.coefficients], begun, GAP, few, before.unit)
     made = replace(before, c=before.c.copy(), price=before.price.copy(), stuck=point.stuck)
     made.c[part.coefficients] = point.c
     made.price[:, part.which[inner]] = point.price[:, inner]
     cap_price[part.coefficients[found.capped]] = point.cap_price
     made.cap_price = cap_price[whole.capped]
     return made
+
+
+class _Rows(NamedTuple):
+    """Of each interval some limits of so ``many``: ``which`` (r, m), in the order of a solution's prices."""
+
+    limits: Limits
+    which: Index
+    many: int
+
+    @staticmethod
+    def most_used(limits: Limits, c: Array) -> _Rows:
+        """``MOST_USED`` of the straight ones, and of those of jerk at each place."""
+        count, places = len(limits.straight.low), len(limits.most)
+        straight = _most_used(limits.straight.of(c))
+        jerk = _most_used(_jerk_use(limits, c)).swapaxes(0, 1)
+        jerk = jerk + len(limits.jerk.low) // places * np.arange(places)[:, None, None]
+        jerk = jerk.reshape(-1, jerk.shape[-1])
+        some = replace(limits, straight=_rows(limits.straight, straight), jerk=_rows(limits.jerk, jerk))
+        return _Rows(some, np.concatenate([straight, count + jerk]), count + len(limits.jerk.low))
+
+
+def _most_used(use: Array) -> Index:
+    """Rows of the largest ``use`` (R, ...)."""
+    return np.asarray(np.argpartition(-use, min(MOST_USED, len(use)) - 1, axis=0)[:MOST_USED])
+
+
+def _rows(form: Form, which: Index) -> Form:
+    return Form(*(np.take_along_axis(value, which, axis=0) for value in (form.low, form.mid, form.high)))
 
 
 class _Part(NamedTuple):
@@ -234,8 +282,7 @@ class _Solver:
             own = np.clip(price, np.minimum(self.mu / (room + excess), 0.5 * most), 0.999 * most)
         return excess, own
 
-    def run(self, c: Array, before: Point | None, gap: float, unit: float | None = None) -> Point:
-        """``unit``: of the time, left out the time of ``c``."""
+    def run(self, c: Array, before: Point | None, gap: float, unit: float | None) -> Point:
         p, idle = self.start(c, before, unit), 0
         for p.steps in range(1, MAX_STEPS + 1):
             share, change = self.step(p)

@@ -4,7 +4,7 @@ A law is looked at in the middles of equal parts of its pieces, where exact deri
 tell the share of every joint's every limit. The code of a moment (``state.Binding``) is
 
     feed       the speed is the programmed feed times override
-    corner     a junction between two stretches is passed as fast as its jump allows
+    corner     a junction between two segments is passed as fast as its jump allows
     the tip    its acceleration, or how fast the tool axis turns, where the machine file bounds them
     an axis    of all axes and kinds the one that is used most, from ``BOUND`` of it on
     nothing    otherwise: a ramp on which no limit is used up, or a standstill
@@ -33,7 +33,7 @@ from controller.state.modes import Binding, axis_binding
 
 Codes = npt.NDArray[np.int64]
 Index = npt.NDArray[np.intp]
-Laws = Sequence[tuple[int, Law]]  # (index of the stretch in the course, its law)
+Laws = Sequence[tuple[int, Law]]  # (index of the segment in the course, its law)
 Marks = tuple[tuple[float, int], ...]  # (time within a piece, code from then on)
 
 BOUND = 0.97  # of what the planner may use of a limit: from here on it binds
@@ -45,9 +45,9 @@ NUMBER_OF_CODES = axis_binding(4, 2) + 1
 
 
 class Span(NamedTuple):
-    """A part of one stretch's law, from one time of the law to another."""
+    """A part of one segment's law, from one time of the law to another."""
 
-    stretch: int  # index in the course
+    segment: int  # index in the course
     law: Law
     from_s: float
     to_s: float
@@ -60,7 +60,7 @@ class Motion:
 
     windows: tuple[int, ...]  # of each span
     per_window: int
-    index: Index  # (N,) of the stretches
+    index: Index  # (N,) of the segments
     dt: Array  # (N,) the time that a moment stands for
     s: Array
     v: Array
@@ -91,7 +91,7 @@ def moments(
     """``per_window`` moments in each window of each span; ``counts`` windows instead of their own number."""
     counts = [windows(span) for span in row] if counts is None else counts
     many = per_window * np.array(counts)
-    index = np.repeat([span.stretch for span in row], many)
+    index = np.repeat([span.segment for span in row], many)
     dt = np.repeat([span.to_s - span.from_s for span in row] / np.maximum(many, 1), many)
     times = [middles(span, n) for span, n in zip(row, many.tolist(), strict=True)]
     s, v, a, j = along_each([span.law for span in row], times)
@@ -163,7 +163,7 @@ def shown(motion: Motion, found: Codes) -> Codes:
 
 
 def marks(course: FeedCourse, laws: Laws) -> list[Marks]:
-    """For each (stretch, law) of a planned course what binds when, for ``Piece.binds``.
+    """For each (segment, law) of a planned course what binds when, for ``Piece.binds``.
 
     Times rise from 0.0 within the piece, neighbours differ, and each lasts a window at
     least (a shorter piece is one window).

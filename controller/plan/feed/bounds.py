@@ -1,6 +1,6 @@
 """The limits of a course as forms of a spline's coefficients: what the search must keep.
 
-Knots are exactly where the course changes its manners, so every interval lies in one stretch and
+Knots are exactly where the course changes its manners, so every interval lies in one segment and
 is judged by the derivatives of its own side. From and to rest, between the last knot and
 the standstill, the law is one of constant jerk: there z goes with s^(4/3), so at
 the knot z' = 4/3 z / s, which ties the spline's outermost coefficient to its neighbour.
@@ -76,7 +76,7 @@ class Grid:
 
     @property
     def index(self) -> Index:
-        """Stretch of each interval."""
+        """Segment of each interval."""
         return self.parts.index[self.part]
 
     @property

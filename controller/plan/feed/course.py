@@ -1,8 +1,8 @@
-"""Stretches that run through, seen as one path with one coordinate.
+"""Segments that run through, seen as one path with one coordinate.
 
 A motion law knows only a place on the course, its speed and so on; what the joints
 make of it, and what they allow, is asked here. Places are in the unit of the
-stretches' own s, counted on from the course's beginning.
+segments' own s, counted on from the course's beginning.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from controller.geometry.arrays import Array, distinct
+from controller.geometry.arrays import Array, Flags, distinct
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine
 from controller.memory import remembered
@@ -25,16 +25,16 @@ from controller.motion.motions import ThreadMove, ToolLine, ToolSpline
 from controller.plan import junctions
 from controller.plan.feed.limits import JointLimits
 from controller.plan.junctions import MARGIN
-from controller.plan.stretch import Stretch
+from controller.plan.segment import Segment
 from controller.plan.surfaces.rates import Derivatives, derivatives, kind, together
 
 Index = npt.NDArray[np.intp]
 
-REMEMBERED = 256  # stretches: more than a window has
+REMEMBERED = 256  # segments: more than a window has
 THREAD_SHARE = 0.6  # of the axes' limits, along a thread; what is left follows the spindle
 THREAD_RAMP_S = 0.06  # in which the spindle's acceleration may change by all of it
-MAX_SINGLE = 2  # stretches, of which each is looked at alone
-APART = 1e-3  # unit of s: of marks closer than that only the boundaries of stretches count
+MAX_SINGLE = 2  # segments, of which each is looked at alone
+APART = 1e-3  # unit of s: of marks closer than that only the boundaries of segments count
 
 
 class Allowed(Protocol):
@@ -47,23 +47,23 @@ class Allowed(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Jump:
-    """What jumps where one stretch goes over into the next, per unit of s: q' and q'', (axes,) each."""
+    """What jumps where one segment goes over into the next, per unit of s: q' and q'', (axes,) each."""
 
     rate: Array
     curve: Array
 
 
 class FeedCourse:
-    """A row of stretches between two rests; the overrides scale feeds and rapids (1.0 = 100 %).
+    """A row of segments between two rests; the overrides scale feeds and rapids (1.0 = 100 %).
 
-    ``adaptive`` and ``everywhere``: as of ``Stretch.scale``. ``begins``: s at which each stretch is come to,
+    ``adaptive`` and ``everywhere``: as of ``Segment.scale``. ``begins``: s at which each segment is come to,
     where a lead enters one in its middle. ``starts`` (n + 1,) are the places where one goes over into the
-    next, ``zeros`` (n,) those at which each has s = 0: the same but for such a stretch.
+    next, ``zeros`` (n,) those at which each has s = 0: the same but for such a segment.
     """
 
     def __init__(
         self,
-        stretches: Sequence[Stretch],
+        segments: Sequence[Segment],
         machine: Machine,
         kinematics: Kinematics,
         override: float = 1.0,
@@ -72,15 +72,15 @@ class FeedCourse:
         everywhere: float = 1.0,
         begins: Sequence[float] = (),
     ) -> None:
-        self.stretches = tuple(stretches)
+        self.segments = tuple(segments)
         self.machine, self.kinematics = machine, kinematics
         self.rapid_override = rapid_override
         self._scales = override, rapid_override, adaptive, everywhere
-        self.begins = [0.0, *begins[1:]] if begins else [0.0] * len(self.stretches)
-        lengths = [one.motion.end - begin for one, begin in zip(self.stretches, self.begins, strict=True)]
+        self.begins = [0.0, *begins[1:]] if begins else [0.0] * len(self.segments)
+        lengths = [one.motion.end - begin for one, begin in zip(self.segments, self.begins, strict=True)]
         self.starts: Array = np.concatenate([[0.0], np.cumsum(lengths)])
         self.zeros: Array = self.starts[:-1] - self.begins
-        self.made_of = self.stretches, machine, type(kinematics), self._scales, tuple(self.begins)
+        self.made_of = self.segments, machine, type(kinematics), self._scales, tuple(self.begins)
         self._junctions: dict[int, float] = {}
         self._jumps: dict[int, Jump] = {}
         self._kinds: dict[int, object] = {}
@@ -92,38 +92,38 @@ class FeedCourse:
         return float(self.starts[-1])
 
     def index(self, s: Array) -> Index:
-        """Index of the stretch in which each place lies (N,); a boundary belongs to the stretch behind it."""
-        if len(self.stretches) == 1:
+        """Index of the segment in which each place lies (N,); a boundary belongs to the segment behind it."""
+        if len(self.segments) == 1:
             return np.zeros(len(s), dtype=np.intp)
         found = np.searchsorted(self.starts, s, side="right") - 1
-        return np.clip(found, 0, len(self.stretches) - 1)
+        return np.clip(found, 0, len(self.segments) - 1)
 
     def derivatives(self, s: Array, index: Index | None = None) -> Derivatives:
         """q', q'', q''' of the joints at the places ``s`` (N,).
 
-        ``index`` names the stretches (N,): at a boundary both sides can be asked for.
+        ``index`` names the segments (N,): at a boundary both sides can be asked for.
         """
         index = self.index(s) if index is None else index
         groups = self._alike(index)
         if len(groups) == 1 == len(groups[0]):
-            stretch, start = self.stretches[groups[0][0]], self.zeros[groups[0][0]]
-            return derivatives(stretch, np.clip(s - start, 0.0, stretch.motion.end), self.kinematics)
+            segment, start = self.segments[groups[0][0]], self.zeros[groups[0][0]]
+            return derivatives(segment, np.clip(s - start, 0.0, segment.motion.end), self.kinematics)
         found = [np.empty((len(s), len(self.machine.axes))) for _ in range(3)]
         for members in groups:
-            here = np.isin(index, members)
+            here: Flags | slice = np.isin(index, members) if len(groups) > 1 else slice(None)
             of = np.searchsorted(members, index[here])
-            stretches = [self.stretches[k] for k in members]
-            ends = np.array([stretch.motion.end for stretch in stretches])[of]
+            segments = [self.segments[k] for k in members]
+            ends = np.array([segment.motion.end for segment in segments])[of]
             local = np.clip(s[here] - self.zeros[index[here]], 0.0, ends)
-            if len(stretches) == 1:
-                d = derivatives(stretches[0], local, self.kinematics)
+            if len(segments) == 1:
+                d = derivatives(segments[0], local, self.kinematics)
             else:
-                d = together(stretches, local, of, self.kinematics)
+                d = together(segments, local, of, self.kinematics)
             found[0][here], found[1][here], found[2][here] = d.first, d.second, d.third
         return Derivatives(*found)
 
     def _alike(self, index: Index) -> list[list[int]]:
-        """The stretches that are asked for, those together whose derivatives can be taken together."""
+        """The segments that are asked for, those together whose derivatives can be taken together."""
         groups: dict[object, list[int]] = {}
         for k in distinct(index).tolist():
             what = self._kind(k)
@@ -135,38 +135,38 @@ class FeedCourse:
         index = self.index(s) if index is None else index
         found = self._even_feeds[index]
         for k in distinct(index[np.isnan(found)]):
-            here, stretch = index == k, self.stretches[k]
-            local = np.clip(s[here] - self.zeros[k], 0.0, stretch.motion.end)
-            found[here] = stretch.feed_at(local) * stretch.scale(*self._scales)
+            here, segment = index == k, self.segments[k]
+            local = np.clip(s[here] - self.zeros[k], 0.0, segment.motion.end)
+            found[here] = segment.feed_at(local) * segment.scale(*self._scales)
         return found
 
     def tip_rate(self, s: Array, index: Index) -> Array:
-        """As ``Stretch.tip_rate`` at the places ``s`` (N,) of the stretches ``index``."""
+        """As ``Segment.tip_rate`` at the places ``s`` (N,) of the segments ``index``."""
         found = np.ones(len(s))
-        for k, stretch in enumerate(self.stretches):
-            if isinstance(stretch.motion, ToolLine | ToolSpline) and (here := index == k).any():
-                found[here] = stretch.tip_rate(np.clip(s[here] - self.zeros[k], 0.0, stretch.motion.end))
+        for k, segment in enumerate(self.segments):
+            if isinstance(segment.motion, ToolLine | ToolSpline) and (here := index == k).any():
+                found[here] = segment.tip_rate(np.clip(s[here] - self.zeros[k], 0.0, segment.motion.end))
         return found
 
     @cached_property
     def _even_feeds(self) -> Array:
-        """Of each stretch the feed that ``feed`` tells anywhere on it; nan where it is not one."""
-        feeds = [(stretch.even_feed, stretch.scale(*self._scales)) for stretch in self.stretches]
+        """Of each segment the feed that ``feed`` tells anywhere on it; nan where it is not one."""
+        feeds = [(segment.even_feed, segment.scale(*self._scales)) for segment in self.segments]
         return np.array([math.nan if feed is None else feed * scale for feed, scale in feeds])
 
     @cached_property
     def marks(self) -> Array:
         """Places where the course changes its manners.
 
-        Boundaries of stretches, steps of the feed, and the joints of splines, where the
+        Boundaries of segments, steps of the feed, and the joints of splines, where the
         third derivative jumps.
         """
         found = [self.starts]
-        for zero, begin, stretch in zip(self.zeros, self.begins, self.stretches, strict=True):
-            steps = itertools.pairwise(stretch.feed_steps)
+        for zero, begin, segment in zip(self.zeros, self.begins, self.segments, strict=True):
+            steps = itertools.pairwise(segment.feed_steps)
             at = np.array([at for (_, before), (at, after) in steps if before != after])
-            if isinstance(stretch.motion, ToolSpline):
-                at = np.concatenate([at, np.frombuffer(stretch.motion.knots)[1:-1]])
+            if isinstance(segment.motion, ToolSpline):
+                at = np.concatenate([at, np.frombuffer(segment.motion.knots)[1:-1]])
             found.append(zero + at[at > begin] if begin else zero + at)
         marks = distinct(np.concatenate(found))
         apart = np.minimum(np.diff(marks, prepend=-1.0), np.diff(marks, append=np.inf)) > APART
@@ -174,7 +174,7 @@ class FeedCourse:
 
     @cached_property
     def limits(self) -> tuple[JointLimits, ...]:
-        """What each stretch may use of the joints' limits, the margin taken off."""
+        """What each segment may use of the joints' limits, the margin taken off."""
         cut = JointLimits.of(self.machine, MARGIN)
         rapid = JointLimits.of(self.machine, MARGIN * self.machine.rapid_share)
         rapid = replace(rapid, velocity=rapid.velocity * self.rapid_override)
@@ -184,13 +184,13 @@ class FeedCourse:
             else rapid
             if s.feed_mm_s is None
             else cut
-            for s in self.stretches
+            for s in self.segments
         )
 
     @property
     def stop_limits(self) -> JointLimits:
         """What a stop may use: all that the joints have, on a thread (a course of its own) its share."""
-        limits, first = JointLimits.of(self.machine), self.stretches[0].motion
+        limits, first = JointLimits.of(self.machine), self.segments[0].motion
         return _along_thread(limits, first, self) if isinstance(first, ThreadMove) else limits
 
     def limit(self, s: Array, which: str, index: Index | None = None) -> Array:
@@ -207,10 +207,10 @@ class FeedCourse:
     @property
     def junctions(self) -> tuple[float, ...]:
         """Speed at which each inner boundary may be passed: the jump of rates fits into one tick."""
-        return tuple(self.junction(k) for k in range(len(self.stretches) - 1))
+        return tuple(self.junction(k) for k in range(len(self.segments) - 1))
 
     def junction(self, k: int) -> float:
-        """Speed at which the boundary between stretch ``k`` and the next may be passed."""
+        """Speed at which the boundary between segment ``k`` and the next may be passed."""
         if k not in self._junctions:
             jump, limits = self.jump(k), self.limits[k]
             period_s = self.machine.period_s
@@ -219,21 +219,21 @@ class FeedCourse:
         return self._junctions[k]
 
     def at_ends(self, k: int) -> Derivatives:
-        """At the beginning and the end of stretch ``k``; of lines, of which there are many, all at once."""
+        """At the beginning and the end of segment ``k``; of a row, in which there are many, all at once."""
         if k not in self._ends:
-            in_row = isinstance(self.stretches[k].motion, ToolLine) and len(self.stretches) > MAX_SINGLE
-            if in_row and self._kind(k) is not None:
-                self._ends |= self._line_ends(k)
+            in_row = isinstance(self.segments[k].motion, ToolLine | ToolSpline)
+            if in_row and len(self.segments) > MAX_SINGLE and self._kind(k) is not None:
+                self._ends |= self._row_ends(k)
             else:
-                self._ends[k] = _at_ends(self.stretches[k], self.begins[k], self.kinematics)
+                self._ends[k] = _at_ends(self.segments[k], self.begins[k], self.kinematics)
         return self._ends[k]
 
-    def _line_ends(self, k: int) -> dict[int, Derivatives]:
-        """Of all lines of the same kind as ``k``."""
-        alike = [n for n in range(len(self.stretches)) if self._kind(n) == self._kind(k)]
-        lines = [self.stretches[n] for n in alike]
-        ends = np.array([[self.begins[n], self.stretches[n].motion.end] for n in alike]).ravel()
-        d = together(lines, ends, np.repeat(np.arange(len(lines)), 2), self.kinematics)
+    def _row_ends(self, k: int) -> dict[int, Derivatives]:
+        """Of all segments of the same kind as ``k``."""
+        alike = [n for n in range(len(self.segments)) if self._kind(n) == self._kind(k)]
+        row = [self.segments[n] for n in alike]
+        ends = np.array([[self.begins[n], self.segments[n].motion.end] for n in alike]).ravel()
+        d = together(row, ends, np.repeat(np.arange(len(row)), 2), self.kinematics)
         return {
             n: Derivatives(*(order[2 * i : 2 * i + 2] for order in (d.first, d.second, d.third)))
             for i, n in enumerate(alike)
@@ -241,11 +241,11 @@ class FeedCourse:
 
     def _kind(self, k: int) -> object:
         if k not in self._kinds:
-            self._kinds[k] = kind(self.stretches[k], self.kinematics)
+            self._kinds[k] = kind(self.segments[k], self.kinematics)
         return self._kinds[k]
 
     def jump(self, k: int) -> Jump:
-        """What jumps between stretch ``k`` and the next."""
+        """What jumps between segment ``k`` and the next."""
         if k not in self._jumps:
             left, right = self.at_ends(k), self.at_ends(k + 1)
             self._jumps[k] = Jump(
@@ -255,11 +255,11 @@ class FeedCourse:
 
 
 class Rests(FeedCourse):
-    """Stretches each from rest to rest: no boundary is passed in motion."""
+    """Segments each from rest to rest: no boundary is passed in motion."""
 
     @property
     def junctions(self) -> tuple[float, ...]:
-        return (math.inf,) * (len(self.stretches) - 1)
+        return (math.inf,) * (len(self.segments) - 1)
 
 
 def _along_thread(limits: JointLimits, move: ThreadMove, course: FeedCourse) -> JointLimits:
@@ -276,13 +276,13 @@ def _along_thread(limits: JointLimits, move: ThreadMove, course: FeedCourse) -> 
 
 
 @remembered(REMEMBERED)
-def _at_ends(stretch: Stretch, begin: float, kinematics: Kinematics) -> Derivatives:
+def _at_ends(segment: Segment, begin: float, kinematics: Kinematics) -> Derivatives:
     """Where it is come to and at its end: whoever looks at a boundary asks for them again."""
-    return derivatives(stretch, np.array([begin, stretch.motion.end]), kinematics)
+    return derivatives(segment, np.array([begin, segment.motion.end]), kinematics)
 
 
 def least_passed(course: FeedCourse, k: int) -> float:
-    """What the boundary behind stretch ``k`` is passed at, or it is a stop."""
+    """What the boundary behind segment ``k`` is passed at, or it is a stop."""
     return min(
         float(junctions.least(np.abs(course.at_ends(side).first[end]), limit.jerk, course.machine.period_s))
         for side, end, limit in ((k, 1, course.limits[k]), (k + 1, 0, course.limits[k + 1]))
@@ -290,7 +290,7 @@ def least_passed(course: FeedCourse, k: int) -> float:
 
 
 def unhindered(course: FeedCourse, k: int) -> float:
-    """About the speed that the boundary behind stretch ``k`` would be passed at if nothing jumped there.
+    """About the speed that the boundary behind segment ``k`` would be passed at if nothing jumped there.
 
     The lower feed of both sides, what the limits allow at that place, and what a start from rest
     reaches within each of the two: a slow machine never comes near a high feed.

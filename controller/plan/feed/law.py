@@ -58,9 +58,9 @@ def _phases(length: float, phases: Sequence[tuple[float, float]]) -> Law:
         knots.append(knots[-1] + t)
         s, v, a = s + t * (v + t * (a / 2.0 + t * j / 6.0)), v + t * (a + t * j / 2.0), a + t * j
     # Rounding of a few 1e-16: the last place must be the end itself.
-    stretch = length / s
+    segment = length / s
     scaled = [
-        (a * stretch, b * stretch, c * stretch, d * stretch, 0.0, 0.0) for a, b, c, d, _, _ in coefficients
+        (a * segment, b * segment, c * segment, d * segment, 0.0, 0.0) for a, b, c, d, _, _ in coefficients
     ]
     return Law(tuple(knots), tuple(scaled))
 
@@ -161,10 +161,10 @@ def along_each(laws: Sequence[Law], times: Sequence[Array]) -> tuple[Array, Arra
 
 
 def split(times: Array, pieces: Array, starts: Array, zeros: Array) -> list[Law]:
-    """A law over several stretches, (n + 1,) and (n, 6), as one law per stretch with its own s.
+    """A law over several segments, (n + 1,) and (n, 6), as one law per segment with its own s.
 
-    ``starts`` are the places where stretches begin, and the end of the last, ``zeros`` those at which
-    they have s = 0. Laws are given from the stretch on in which the first piece begins.
+    ``starts`` are the places where segments begin, and the end of the last, ``zeros`` those at which
+    they have s = 0. Laws are given from the segment on in which the first piece begins.
     """
     laws = []
     knots = [0.0]

@@ -23,11 +23,11 @@ from controller.plan.feed import tool_limits
 from controller.plan.feed.course import FeedCourse, Index
 from controller.plan.feed.limits import JointLimits, ramp_length
 from controller.plan.rotaries.branch import beside_pole
-from controller.plan.stretch import Stretch
+from controller.plan.segment import Segment
 from controller.plan.surfaces.rates import Derivatives
 
 SPACING = 0.1  # of samples on anything but lines and arcs, mm
-SAMPLES = (60, 4000)  # on one stretch, at least and at most
+SAMPLES = (60, 4000)  # on one segment, at least and at most
 NEAR_ENDS = 24  # samples on a ramp
 SHORT_MM = 0.25  # lines no longer than this have ...
 SHORT_SAMPLES, SHORT_NEAR_ENDS = 4, 2  # ... so many samples, and on a ramp so many
@@ -36,7 +36,6 @@ FINEST_S = 5e-4  # ... unless they are this close in time
 HEADROOM = 1.15  # the limits allow so much more than the feed: it holds the speed alone
 GROWTH = 0.25  # of a knot's interval per time from where something happens
 STEP_OF_SPEED = 0.15  # change of ln(allowed speed) per interval
-NO_WAY = 1e-10  # mm or rad
 INSET = 1e-9  # of a part's length: what lies inside is not at its mark
 EVEN_TIMES = 4000  # at which an estimate is smoothed
 MAX_CLOSER = 4.0  # times as many knots at narrow places
@@ -61,7 +60,7 @@ class Samples:
 
 @dataclass(frozen=True, slots=True)
 class Parts:
-    """A course between ``ends`` (n + 1,), cut at its marks; part i lies in stretch ``index[i]``."""
+    """A course between ``ends`` (n + 1,), cut at its marks; part i lies in segment ``index[i]``."""
 
     course: FeedCourse
     ends: Array
@@ -102,12 +101,12 @@ def _even(parts: Parts) -> tuple[Array, Index]:
     """Places evenly in every part, and the part of each; they gather where an axis passes by the pole."""
     course, (low, high) = parts.course, (parts.ends[:-1], parts.ends[1:])
     rows = zip(parts.index.tolist(), low.tolist(), high.tolist(), strict=True)
-    counts = np.array([_spaces(course.stretches[k], b - a) for k, a, b in rows])
+    counts = np.array([_spaces(course.segments[k], b - a) for k, a, b in rows])
     part, ends = np.repeat(np.arange(len(counts)), counts + 1), np.cumsum(counts + 1)
     s = (np.arange(len(part)) - (ends - counts - 1)[part]) * ((high - low) / counts)[part] + low[part]
     s[ends - 1] = high
     for k, n in enumerate(parts.index.tolist()):
-        motion = course.stretches[n].motion
+        motion = course.segments[n].motion
         if isinstance(motion, SurfaceCut) and motion.beside_pole:
             near = float(course.zeros[n]) + arc_length.s_at(motion.arc, beside_pole(motion))
             more = np.setdiff1d(near[(near > low[k]) & (near < high[k])], s[part == k])
@@ -116,20 +115,20 @@ def _even(parts: Parts) -> tuple[Array, Index]:
     return s, part
 
 
-def _spaces(stretch: Stretch, length: float) -> int:
+def _spaces(segment: Segment, length: float) -> int:
     """Between the places on so long a part of it."""
-    motion = stretch.motion
+    motion = segment.motion
     if isinstance(motion, JointMove) and not isinstance(motion.curve, Even):
         turn = motion.curve.sweep_rad if isinstance(motion.curve, Arc) else 0.0
         return 5 + math.ceil(16.0 * abs(turn) * length / motion.end)
-    if _is_short(stretch):
+    if _is_short(segment):
         return SHORT_SAMPLES
     return 2 + int(min(max(length / SPACING, SAMPLES[0] * (length / motion.end)), SAMPLES[1]))
 
 
-def _is_short(stretch: Stretch) -> bool:
+def _is_short(segment: Segment) -> bool:
     """Whether it is one of the many lines of a row: its ends say nearly all of it."""
-    return isinstance(stretch.motion, ToolLine) and stretch.motion.end <= SHORT_MM
+    return isinstance(segment.motion, ToolLine) and segment.motion.end <= SHORT_MM
 
 
 def _sampled(parts: Parts, s: Array, part: Index) -> Samples:
@@ -165,7 +164,7 @@ def _columns(found: Samples) -> tuple[Array, Index, Array, Array, Array, Array]:
 def _near_ends(parts: Parts, found: Samples) -> Samples:
     """Samples that gather as t^3 at both ends of every part, where a law may begin or end at rest."""
     cubes, few = ((np.arange(1, n + 1) / n) ** 3 for n in (NEAR_ENDS, SHORT_NEAR_ENDS))
-    short = [_is_short(parts.course.stretches[k]) for k in parts.index.tolist()]
+    short = [_is_short(parts.course.segments[k]) for k in parts.index.tolist()]
     places, part = [], []
     firsts = np.searchsorted(found.part, np.arange(len(parts.index) + 1))
     outer = np.append(np.append(True, np.diff(parts.index) != 0), True)
@@ -286,7 +285,9 @@ def times(s: Array, v: Array) -> Array:
     return np.concatenate([[0.0], np.cumsum(np.where(step > 0.0, t, 0.0))])
 
 
-def knots(found: Samples, v: Array, step_s: float, most: int, widest: float) -> tuple[Array, Index]:
+def knots(
+    found: Samples, v: Array, step_s: float, most: float = math.inf, widest: float = 1.0
+) -> tuple[Array, Index]:
     """Knots (n + 1,) from the first sample to the last, and the part of each interval (n,).
 
     ``v`` is the speed expected at the samples, ``step_s`` the time between knots where something happens.

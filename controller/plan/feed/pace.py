@@ -15,7 +15,7 @@ from controller.plan.feed.profile import Profile
 from controller.plan.rotaries import tool_paths
 from controller.plan.surfaces.rates import Derivatives
 
-PLACES = 17  # at which a stretch is looked at ...
+PLACES = 17  # at which a segment is looked at ...
 NEAR_LINES = 8  # lines before and behind a place of an exact row, whose corners count there
 SHORT_PLACES = 4  # ... and each of a row of short ones
 BRAKINGS, LONGEST_S = 3.0, 24.0  # of a window: no less than so many times what braking takes, up to this
@@ -33,7 +33,7 @@ def window_s(usual_s: float, braking_s: float) -> float:
 def takes_s(course: FeedCourse, from_s: float) -> tuple[float, float]:
     """Seconds from ``from_s`` to the end at the feed, or at what the velocity limits leave of it.
 
-    And the longest that braking takes from what the other limits leave of that. One stretch.
+    And the longest that braking takes from what the other limits leave of that. One segment.
     """
     places = np.linspace(from_s, course.length, PLACES)
     places = 0.5 * (places[1:] + places[:-1])
@@ -43,7 +43,7 @@ def takes_s(course: FeedCourse, from_s: float) -> tuple[float, float]:
 
 def row_takes_s(course: FeedCourse, from_s: float) -> tuple[float, float]:
     """The same of an exact row: about as fast as the worst of the corners near a place lets it run."""
-    motion, limits = course.stretches[0].motion, course.limits[0]
+    motion, limits = course.segments[0].motion, course.limits[0]
     assert isinstance(motion, ToolSpline)
     knots, cubics = np.frombuffer(motion.knots), np.frombuffer(motion.spans).reshape(-1, 5, 4)
     size = np.diff(knots)
@@ -66,7 +66,7 @@ def row_takes_s(course: FeedCourse, from_s: float) -> tuple[float, float]:
 
 
 def each_takes_s(course: FeedCourse) -> list[tuple[float, float]]:
-    """The same of each stretch of a row of short ones, which runs no faster than its corners let it.
+    """The same of each segment of a row of short ones, which runs no faster than its corners let it.
 
     So short lines are often run far below the feed: there is no way to gain speed between two corners.
     """
@@ -82,7 +82,7 @@ def each_takes_s(course: FeedCourse) -> list[tuple[float, float]]:
 
 
 def _taken(course: FeedCourse, places: Array, index: Index) -> tuple[Array, Array]:
-    """Speed, and seconds in which it is braked, at places of the stretches ``index``."""
+    """Speed, and seconds in which it is braked, at places of the segments ``index``."""
     d = course.derivatives(places, index)
     limits = JointLimits(
         *(course.limit(places, which, index) for which in ("velocity", "acceleration", "jerk"))
@@ -104,7 +104,7 @@ def _passed(course: FeedCourse) -> Array:
         acceleration, jerk = float((limits.acceleration / rate).min()), float((limits.jerk / rate).min())
         a = min(acceleration, math.sqrt(2.0 * jerk * v))
         v = max(math.sqrt(v * v + 2.0 * a * length), math.cbrt(4.5 * jerk * length * length))
-        found.append(min(v, course.junction(k)) if k + 1 < len(course.stretches) else v)
+        found.append(min(v, course.junction(k)) if k + 1 < len(course.segments) else v)
     return np.array(found)
 
 

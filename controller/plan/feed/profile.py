@@ -2,7 +2,7 @@
 
     profile = plan(course)                      from rest at its beginning to rest at its end
     plan(course, State(s, v, a), until)         from a state of motion (or rest) to rest at ``until``
-    split_at_stops(stretches, ...)              where a row of stretches must stop anyway
+    split_at_stops(segments, ...)              where a row of segments must stop anyway
 
 A straight move with constant limits has the classic closed form, and so has one that bends by next to
 nothing, and a course on which the feed alone counts (``cruise``); everything else is searched for
@@ -28,10 +28,10 @@ from controller.plan.feed.course import FeedCourse, Index, least_passed, unhinde
 from controller.plan.feed.law import split, straight
 from controller.plan.feed.tool_limits import goes_straight, has_limits
 from controller.plan.junctions import MARGIN, STOP_SHARE
-from controller.plan.stretch import Stretch
+from controller.plan.segment import Segment
 from controller.plan.surfaces.rates import Derivatives
 
-Run = tuple[Stretch, ...]
+Run = tuple[Segment, ...]
 
 WAITS_S = (0.02, 0.05, 0.1, 0.2, 0.4, 0.8)
 WAY_S = 2e-3
@@ -110,7 +110,7 @@ class Profile:
         return s, v
 
     def laws(self, course: FeedCourse) -> list[tuple[int, Law]]:
-        """(index of the stretch, its law in its own s) for each stretch that the profile passes, in order."""
+        """(index of the segment, its law in its own s) for each segment that the profile passes, in order."""
         first = int(course.index(self.pieces[:1, 0])[0])
         return list(enumerate(split(self.times, self.pieces, course.starts, course.zeros), first))
 
@@ -198,10 +198,10 @@ def _straight(course: FeedCourse, first: float, last: float) -> Profile | None:
     So it is on a line, and on a pivot about a joint of some hundredths of a degree.
     """
     ends = course.index(np.array([first, last - 1e-12 * last]))
-    stretch = course.stretches[ends[0]]
-    if ends[0] != ends[1] or not _is_even(stretch, course.machine):
+    segment = course.segments[ends[0]]
+    if ends[0] != ends[1] or not _is_even(segment, course.machine):
         return None
-    places = np.linspace(first, last, 1 if is_straight(stretch, course.machine) else PLACES)
+    places = np.linspace(first, last, 1 if is_straight(segment, course.machine) else PLACES)
     index, limits = np.full(len(places), ends[0]), course.limits[ends[0]]
     d = course.derivatives(places, index)
     velocity, acceleration, jerk = (float(one.min()) for one in _most(course, d, index))
@@ -222,45 +222,45 @@ def _straight(course: FeedCourse, first: float, last: float) -> Profile | None:
 
 
 def straights(course: FeedCourse) -> list[Law]:
-    """The closed forms of a row of straight stretches, each from rest to rest as if it were alone."""
-    index, lengths = np.arange(len(course.stretches)), [one.motion.end for one in course.stretches]
+    """The closed forms of a row of straight segments, each from rest to rest as if it were alone."""
+    index, lengths = np.arange(len(course.segments)), [one.motion.end for one in course.segments]
     velocity, *others = _most(course, course.derivatives(course.zeros, index), index)
     velocity = np.minimum(course.feed(course.zeros, index), velocity)
     rows = zip(lengths, *(row.tolist() for row in (velocity, *others)), strict=True)
     return [straight(*row) for row in rows]
 
 
-def is_straight(stretch: Stretch, machine: Machine) -> bool:
+def is_straight(segment: Segment, machine: Machine) -> bool:
     """Whether its closed form is known without a look at its way."""
-    motion = stretch.motion
-    return _is_even(stretch, machine) and isinstance(motion, JointMove) and isinstance(motion.curve, Line)
+    motion = segment.motion
+    return _is_even(segment, machine) and isinstance(motion, JointMove) and isinstance(motion.curve, Line)
 
 
-def _is_even(stretch: Stretch, machine: Machine) -> bool:
+def _is_even(segment: Segment, machine: Machine) -> bool:
     """Whether one feed holds for a motion whose rotaries turn evenly, and of the tool's limits at most one.
 
     Where the rotaries stand the tip goes as X Y Z do: on a straight way its acceleration is that of s.
     """
-    if not isinstance(stretch.motion, JointMove) or len(stretch.feed_steps) > 1:
+    if not isinstance(segment.motion, JointMove) or len(segment.feed_steps) > 1:
         return False
-    return stretch.feed_mm_s is None or not has_limits(machine) or goes_straight(stretch.motion)
+    return segment.feed_mm_s is None or not has_limits(machine) or goes_straight(segment.motion)
 
 
 def _most(course: FeedCourse, d: Derivatives, index: Index) -> list[Array]:
-    """Velocity, acceleration and jerk along the stretches ``index`` that the limits allow, (N,) each."""
+    """Velocity, acceleration and jerk along the segments ``index`` that the limits allow, (N,) each."""
     rates = np.abs(d.first) + 1e-30
     limits = [
         course.limit(course.zeros[index], which, index) for which in ("velocity", "acceleration", "jerk")
     ]
     velocity, acceleration, jerk = (np.asarray((limit / rates).min(axis=1)) for limit in limits)
     if (most := course.machine.tip_acceleration_mm_s2) is not None:
-        fed = np.array([course.stretches[k].feed_mm_s is not None for k in index.tolist()])
+        fed = np.array([course.segments[k].feed_mm_s is not None for k in index.tolist()])
         acceleration = np.where(fed, np.minimum(acceleration, MARGIN * most), acceleration)
     return [velocity, acceleration, jerk]
 
 
 def split_at_stops(
-    stretches: Sequence[Stretch],
+    segments: Sequence[Segment],
     machine: Machine,
     kinematics: Kinematics,
     override: float = 1.0,
@@ -271,10 +271,10 @@ def split_at_stops(
 
     ``begins``: as of ``FeedCourse``.
     """
-    course = FeedCourse(stretches, machine, kinematics, override, rapid_override, begins=begins)
-    found: list[list[Stretch]] = [[stretches[0]]]
-    for k, after in enumerate(stretches[1:]):
-        if stretches[k].is_exact_row is not after.is_exact_row or course.junction(k) < max(
+    course = FeedCourse(segments, machine, kinematics, override, rapid_override, begins=begins)
+    found: list[list[Segment]] = [[segments[0]]]
+    for k, after in enumerate(segments[1:]):
+        if segments[k].is_exact_row is not after.is_exact_row or course.junction(k) < max(
             STOP_SHARE * unhindered(course, k), least_passed(course, k)
         ):
             found.append([after])

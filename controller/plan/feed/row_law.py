@@ -50,7 +50,7 @@ class Straight(FeedCourse):
 
     def __init__(self, ticked: Ticked, limits: JointLimits) -> None:
         course = ticked.course
-        super().__init__(course.stretches[:1], course.machine, course.kinematics)
+        super().__init__(course.segments[:1], course.machine, course.kinematics)
         self._ticked, self._cells = ticked, limits
         self.starts = np.array([0.0, course.length])
 

@@ -137,7 +137,7 @@ class Search:
         """
         bounds = self._bounds(speed, self._step(speed))
         found = self._coarse(bounds, speed)
-        return None if found is None or found.stuck else self._refine(bounds, found.c, found)
+        return None if found is None or found.stuck else self._refine(bounds, found.c, found, few=True)
 
     def _coarse(self, bounds: Bounds, speed: Array, slowly: bool = False) -> barrier.Point | None:
         """What is found from about ``speed`` to a coarse gap."""
@@ -187,10 +187,12 @@ class Search:
         pieces[:, 0] += s[0]
         return np.array(made.knots_s), pieces
 
-    def _refine(self, bounds: Bounds, c: Array, point: barrier.Point | None = None) -> Law | None:
+    def _refine(
+        self, bounds: Bounds, c: Array, point: barrier.Point | None = None, few: bool = False
+    ) -> Law | None:
         """From about ``c``, in all intervals and then only where a limit is exceeded, if that is in few.
 
-        ``point``: what was found there to a coarse gap.
+        ``point``: what was found there to a coarse gap. ``few``: as ``barrier.solve`` has it, while it helps.
         """
         shares, z = self._shares(bounds, c), c[1:-1].copy()
         if point is not None:
@@ -202,9 +204,9 @@ class Search:
         for _ in range(ROUNDS):
             limits = bounds.limits(shares, z)
             if point is not None and near.mean() < FEW:
-                point = barrier.solve_near(limits, point, near)
+                point = barrier.solve_near(limits, point, near, few)
             else:
-                point = barrier.solve(limits, c, point)
+                point = barrier.solve(limits, c, point, few=few)
             if point.stuck:
                 break
             c = point.c
@@ -214,6 +216,7 @@ class Search:
             if looked.over <= 1.0:
                 break
             _tighten(shares, looked.excess)
+            few = few and helped
             near = looked.near(reach_s)[bounds.grid.own] if helped else np.ones_like(near)
         if best is None or best.excess.over(LAST) <= 1.0:
             return None if best is None else best.law

@@ -45,7 +45,7 @@ PER_CELL = 8  # places that are told as one
 
 def is_row(course: FeedCourse) -> bool:
     """Whether a course is made of exact rows alone."""
-    return all(one.is_exact_row for one in course.stretches)
+    return all(one.is_exact_row for one in course.segments)
 
 
 def of(course: FeedCourse, first: float, last: float, v: float = 0.0) -> Ticked:
@@ -65,7 +65,7 @@ class Ticked:
         self.course, self.first, self.last, self._v = course, first, last, v
         self.limits = JointLimits.of(course.machine, MARGIN)
         self._period_s = course.machine.period_s
-        motions = [one.motion for one in course.stretches if isinstance(one.motion, ToolSpline)]
+        motions = [one.motion for one in course.segments if isinstance(one.motion, ToolSpline)]
         self._length_mm = motions[0].length_mm
         starts = zip(course.zeros, motions, strict=False)
         knots = np.concatenate([start + np.frombuffer(one.knots)[:-1] for start, one in starts])

@@ -48,19 +48,19 @@ def has_limits(machine: Machine) -> bool:
 
 
 def rates(course: FeedCourse, s: Array, index: Index) -> ToolRates:
-    """What the tool does at the places ``s`` (N,) of the stretches ``index``; nothing on rapids."""
+    """What the tool does at the places ``s`` (N,) of the segments ``index``; nothing on rapids."""
     found = ToolRates(*(np.zeros(len(s)) for _ in range(4)))
-    length = max((getattr(x.motion, "length_mm", 0.0) for x in course.stretches), default=0.0)
+    length = max((getattr(x.motion, "length_mm", 0.0) for x in course.segments), default=0.0)
     for k in distinct(index):
-        stretch, here = course.stretches[k], index == k
-        if stretch.feed_mm_s is None:
+        segment, here = course.segments[k], index == k
+        if segment.feed_mm_s is None:
             continue
-        if goes_straight(stretch.motion):
+        if goes_straight(segment.motion):
             found.along[here] = 1.0
             continue
-        local = np.clip(s[here] - course.zeros[k], 0.0, stretch.motion.end)
-        q = joints_along(stretch, local, course.kinematics)
-        one = _of_joints(q, derivatives(stretch, local, course.kinematics), course, length)
+        local = np.clip(s[here] - course.zeros[k], 0.0, segment.motion.end)
+        q = joints_along(segment, local, course.kinematics)
+        one = _of_joints(q, derivatives(segment, local, course.kinematics), course, length)
         for name in ("along", "bend_along", "bend_across", "turn"):
             getattr(found, name)[here] = getattr(one, name)
     return found

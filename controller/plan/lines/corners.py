@@ -20,7 +20,7 @@ from controller.motion.motions import JointMove
 from controller.plan.lines import lines, moves
 from controller.plan.lines.lines import Stand
 from controller.plan.rotaries.tool_axes import AxisLost, GreatCircles, follow
-from controller.plan.stretch import Diagnostics, joints_of, rotaries_of, xyz_of
+from controller.plan.segment import Diagnostics, joints_of, rotaries_of, xyz_of
 from controller.program.program import JointArc, JointLine, Modal, Tip, TipLine
 
 Index = npt.NDArray[np.intp]

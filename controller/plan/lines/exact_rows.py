@@ -30,7 +30,7 @@ from controller.plan.rotaries import tool_paths
 from controller.plan.rotaries.tool_axes import AxisLost, GreatCircles, follow
 from controller.plan.rotaries.tool_paths import LITTLE_RAD, WITHIN_REACH
 from controller.plan.rotaries.turns import SAME_ROTARY_RAD
-from controller.plan.stretch import STANDS_MM, Chain, Diagnostics, Stretch, joints_of
+from controller.plan.segment import STANDS_MM, ContinuousPath, Diagnostics, Segment, joints_of
 from controller.plan.surfaces.rates import Derivatives, limits
 from controller.program.program import Block, ProgramError, Tip, TipLine
 
@@ -48,7 +48,7 @@ OFF_RAD = 1e-9  # a cubic may leave a great circle's rotaries, in the middle of 
 class Laid(NamedTuple):
     """A part of a row, and where it ends."""
 
-    chains: list[Chain]
+    chains: list[ContinuousPath]
     stand: Stand
 
 
@@ -232,7 +232,7 @@ class ExactLines:
 
     def _chains(
         self, blocks: list[TipLine], ways: _Ways, first: int, last: int, more: bool
-    ) -> tuple[list[Chain], bool]:
+    ) -> tuple[list[ContinuousPath], bool]:
         """Chains of the lines from ``first`` up to ``last``, and whether the next of them runs on from those.
 
         It may if it is one ``more`` of the row; before a line that stands in no row is a rest.
@@ -253,10 +253,10 @@ class ExactLines:
                 for k in range(low, high, SPANS)
             ]
             if found:
-                chains.append(Chain(tuple(found), runs_on=goes_on and high == len(lines_of)))
+                chains.append(ContinuousPath(tuple(found), runs_on=goes_on and high == len(lines_of)))
         return chains, goes_on
 
-    def _motion(self, blocks: list[TipLine], ways: _Ways, of: npt.NDArray[np.intp]) -> Stretch:
+    def _motion(self, blocks: list[TipLine], ways: _Ways, of: npt.NDArray[np.intp]) -> Segment:
         knots = np.concatenate([[0.0], np.cumsum(ways.size[of])])
         here = [blocks[k] for k in of.tolist()]
         way = ways.cubics[of, :3, 1] * ways.size[of, None]
@@ -267,7 +267,7 @@ class ExactLines:
         ]
         begun = Begun(list(here), knots[:-1].tolist(), feeds)
         length_mm = blocks[0].modal.length_mm
-        return self._motions.stretch(knots, ways.cubics[of], begun, True, length_mm, True, SAMPLES)
+        return self._motions.segment(knots, ways.cubics[of], begun, True, length_mm, True, SAMPLES)
 
     def _stops(self, blocks: list[TipLine], ways: _Ways, of: npt.NDArray[np.intp]) -> Flags:
         """Of each corner between the lines ``of``: whether it is no faster to pass it than to stop."""

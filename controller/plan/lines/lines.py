@@ -24,7 +24,7 @@ from controller.plan.junctions import JUMP_SHARE, STOP_SHARE
 from controller.plan.rotaries.tool_axes import AxisLost, Followed, GreatCircles, follow
 from controller.plan.rotaries.tool_paths import LITTLE_RAD
 from controller.plan.rotaries.turns import SAME_ROTARY_RAD
-from controller.plan.stretch import STANDS_MM, Diagnostics, Stretch, joints_of, rotaries_of, straight
+from controller.plan.segment import STANDS_MM, Diagnostics, Segment, joints_of, rotaries_of, straight
 from controller.program.block_look_ahead import AHEAD_LINES
 from controller.program.program import Place, TipLine
 
@@ -69,8 +69,8 @@ def rotaries_to(block: TipLine, now: Rotaries) -> Rotaries:
 
 def exact(
     block: TipLine, stand: Stand, machine: Machine, kinematics: Kinematics, voice: Diagnostics
-) -> tuple[list[Stretch], Stand]:
-    """The exact stretches of a G1, a swivel at the pole before it if it needs one, and where it ends."""
+) -> tuple[list[Segment], Stand]:
+    """The exact segments of a G1, a swivel at the pole before it if it needs one, and where it ends."""
     part = block.modal.frame(machine)
     tip = part.to_parent(tip_of(block, part.from_parent(stand.tip)))
     if block.axis is None:
@@ -83,16 +83,16 @@ def exact(
     except AxisLost as lost:
         refuse_lost(lost, block.place, voice)
     begin, end = _pair(found.rotaries[0]), _pair(found.rotaries[-1])
-    stretches = []
+    segments = []
     swivel = turn(block, stand, begin, kinematics)
     if swivel is not None:
-        stretches.append(swivel)
+        segments.append(swivel)
         stand = Stand(swivel.end, stand.tip, stand.axis, begin, stand.length_mm)
     line = great_line(stand, tip, circles, end)
     if line is not None:
-        stretches.append(stretch_of(block, line, stand.joints, kinematics))
-        stand = Stand(stretches[-1].end, tip, axis, end, stand.length_mm)
-    return stretches, stand
+        segments.append(segment_of(block, line, stand.joints, kinematics))
+        stand = Stand(segments[-1].end, tip, axis, end, stand.length_mm)
+    return segments, stand
 
 
 def refuse_lost(lost: AxisLost, place: Place, voice: Diagnostics) -> NoReturn:
@@ -101,7 +101,7 @@ def refuse_lost(lost: AxisLost, place: Place, voice: Diagnostics) -> NoReturn:
 
 def _to_rotaries(
     block: TipLine, stand: Stand, tip: Vector, rotaries: Rotaries, machine: Machine, kinematics: Kinematics
-) -> tuple[list[Stretch], Stand]:
+) -> tuple[list[Segment], Stand]:
     axis = axis_of(rotaries, kinematics)
     circles = great_circle(stand, axis, rotaries, machine, kinematics)
     if circles is None:
@@ -110,8 +110,8 @@ def _to_rotaries(
         line = great_line(stand, tip, circles, rotaries)
     if line is None:
         return [], stand
-    stretch = stretch_of(block, line, stand.joints, kinematics)
-    return [stretch], Stand(stretch.end, tip, axis, rotaries, stand.length_mm)
+    segment = segment_of(block, line, stand.joints, kinematics)
+    return [segment], Stand(segment.end, tip, axis, rotaries, stand.length_mm)
 
 
 def axis_of(rotaries: Rotaries, kinematics: Kinematics) -> Vector:
@@ -185,17 +185,17 @@ def measure(tip_mm: float, turned_deg: float) -> float:
     return turned_deg if tip_mm < STANDS_MM else max(tip_mm, turned_deg / DEG_PER_MM)
 
 
-def turn(block: TipLine, stand: Stand, rotaries: Rotaries, kinematics: Kinematics) -> Stretch | None:
+def turn(block: TipLine, stand: Stand, rotaries: Rotaries, kinematics: Kinematics) -> Segment | None:
     """At the pole the work's rotary turns under the standing tool, to where the next line begins."""
     if max(abs(a - b) for a, b in zip(rotaries, stand.rotaries, strict=True)) < SAME_ROTARY_RAD:
         return None
     line = even_line(stand.tip, stand.tip, stand.rotaries, rotaries, stand.length_mm)
-    return None if line is None else stretch_of(block, line, stand.joints, kinematics, "swivel")
+    return None if line is None else segment_of(block, line, stand.joints, kinematics, "swivel")
 
 
-def stretch_of(
+def segment_of(
     block: TipLine, line: ToolLine, start: Joints, kinematics: Kinematics, name: str = "line"
-) -> Stretch:
+) -> Segment:
     """A tool line with the block's feed: of the tip, or of the turn where the tip stands."""
     xyz = kinematics.linear(add(line.tip, line.way), line.end_rotaries, line.length_mm)
     end = joints_of(xyz, line.end_rotaries, kinematics)
@@ -203,7 +203,7 @@ def stretch_of(
     feed = block.feed_deg_s if stands else block.feed_mm_s
     if block.time_s is not None:
         feed = line.end / block.time_s * line.tip_rate
-    return Stretch(line, block.place, feed, False, start, end, True, name)
+    return Segment(line, block.place, feed, False, start, end, True, name)
 
 
 # ---- rapids ----------------------------------------------------------------------
@@ -217,7 +217,7 @@ def rapid(
     machine: Machine,
     kinematics: Kinematics,
     voice: Diagnostics,
-) -> tuple[Stretch | None, Stand]:
+) -> tuple[Segment | None, Stand]:
     """G0: the joints go straight to where the tip and axis are wanted.
 
     Under G43.5 the branch and turns are chosen here: ``wanted``, or the least rotary travel
@@ -232,8 +232,8 @@ def rapid(
         axis = part.turn(unit(block.axis))
         rotaries = _chosen(block, stand, tip, axis, following, wanted, machine, kinematics, voice)
     end = joints_of(kinematics.linear(tip, rotaries, stand.length_mm), rotaries, kinematics)
-    stretch = straight("line", block.place, stand.joints, end, None, kinematics)
-    return stretch, Stand(end, tip, axis, rotaries, stand.length_mm)
+    segment = straight("line", block.place, stand.joints, end, None, kinematics)
+    return segment, Stand(end, tip, axis, rotaries, stand.length_mm)
 
 
 def _chosen(
@@ -353,7 +353,7 @@ def vectors(blocks: Sequence[TipLine], frame: Array) -> Array:
 END_SHARE = 1e-4  # share of a line over which its rates at an end are measured
 
 
-def runs_through(before: Stretch, after: Stretch, machine: Machine, kinematics: Kinematics) -> bool:
+def runs_through(before: Segment, after: Segment, machine: Machine, kinematics: Kinematics) -> bool:
     """Whether two exact tool lines need no stop between them: their rates jump by little in one tick."""
     if not isinstance(before.motion, ToolLine) or not isinstance(after.motion, ToolLine):
         return False
@@ -372,11 +372,11 @@ def slight(jump: Array, speed: Array, machine: Machine) -> npt.NDArray[np.bool_]
     return np.asarray((jump * (speed * STOP_SHARE)[:, None] <= JUMP_SHARE * step).all(axis=1))
 
 
-def _rates(stretch: Stretch, at_end: bool, kinematics: Kinematics) -> list[float]:
+def _rates(segment: Segment, at_end: bool, kinematics: Kinematics) -> list[float]:
     """Joints per unit of s at one end of a line."""
-    end = stretch.motion.end
-    joints = stretch.end if at_end else stretch.start
+    end = segment.motion.end
+    joints = segment.end if at_end else segment.start
     s = end * (1.0 - END_SHARE) if at_end else end * END_SHARE
-    inner = stretch.motion.joints(s, rotaries_of(joints, kinematics), kinematics) or joints
+    inner = segment.motion.joints(s, rotaries_of(joints, kinematics), kinematics) or joints
     sign = 1.0 if at_end else -1.0
     return [sign * (q - p) / (end * END_SHARE) for p, q in zip(inner, joints, strict=True)]

@@ -21,7 +21,7 @@ from controller.motion.motions import Rotaries
 from controller.plan.lines import lines, moves, rows
 from controller.plan.lines.corners import Feed
 from controller.plan.lines.lines import Stand
-from controller.plan.stretch import STANDS_MM, rotaries_of, xyz_of
+from controller.plan.segment import STANDS_MM, rotaries_of, xyz_of
 from controller.program.program import Block, JointLine, Modal, Tip, TipLine
 
 Line = JointLine | TipLine

@@ -10,7 +10,7 @@ from controller.geometry.vectors import Frame, Vector, norm, scale, subtract, un
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine
 from controller.motion.motions import JointMove, ThreadMove
-from controller.plan.stretch import Diagnostics, Stretch, rotaries_of, round_arc, straight
+from controller.plan.segment import Diagnostics, Segment, rotaries_of, round_arc, straight
 from controller.program.contour import circles
 from controller.program.position import placed, read_in, shifted
 from controller.program.program import JointArc, JointLine, JointMotion, Thread
@@ -20,8 +20,8 @@ SPIN_UP_S = 0.25  # along a thread, at least: in less the spindle's lag could no
 FOLLOWING_SHARE = 0.3  # of the axes' limits: what a thread leaves for following a spindle that lags
 
 
-def line(block: JointLine, machine: Machine, kinematics: Kinematics, now: Joints) -> Stretch | None:
-    """The stretch of a G0 or G1; None where nothing moves."""
+def line(block: JointLine, machine: Machine, kinematics: Kinematics, now: Joints) -> Segment | None:
+    """The segment of a G0 or G1; None where nothing moves."""
     end = target(block, machine, kinematics, now)
     found = straight("line", block.place, now, end, block.feed_mm_s, kinematics, block.feed_deg_s)
     if found is None:
@@ -33,11 +33,11 @@ def line(block: JointLine, machine: Machine, kinematics: Kinematics, now: Joints
     return found if block.time_s is None else timed(found, block.time_s)
 
 
-def _tied(stretch: Stretch, thread: Thread, machine: Machine) -> Stretch:
+def _tied(segment: Segment, thread: Thread, machine: Machine) -> Segment:
     """The same line led by the spindle; of the axes' limits a share is left to follow it by."""
-    move, told = stretch.motion, machine.spindle.position if machine.spindle is not None else None
+    move, told = segment.motion, machine.spindle.position if machine.spindle is not None else None
     if not isinstance(move, JointMove) or told is None:
-        return stretch
+        return segment
     way = scale(move.curve.derivative(0.0), 1.0 / move.end)
     axes = [(abs(d), machine.axes[i].limits) for d, i in zip(way, machine.linear(), strict=True) if d]
     turned = thread.rev_per_mm * move.end
@@ -45,16 +45,16 @@ def _tied(stretch: Stretch, thread: Thread, machine: Machine) -> Stretch:
         *(move.curve, move.end, move.start_rotaries, move.end_rotaries),
         thread.rev_per_mm,
         -turned if thread.begin_rev is None else thread.begin_rev,
-        min(told.acceleration_rev_s2 / abs(thread.rev_per_mm), (stretch.feed_mm_s or 0.0) / SPIN_UP_S),
+        min(told.acceleration_rev_s2 / abs(thread.rev_per_mm), (segment.feed_mm_s or 0.0) / SPIN_UP_S),
         FOLLOWING_SHARE * min(limits.velocity / d for d, limits in axes),
         FOLLOWING_SHARE * min(limits.acceleration / d for d, limits in axes),
     )
-    return replace(stretch, motion=tied, name="thread")
+    return replace(segment, motion=tied, name="thread")
 
 
-def timed(stretch: Stretch, time_s: float) -> Stretch:
-    """The same stretch at the feed with which it takes ``time_s`` (G93)."""
-    return replace(stretch, feed_mm_s=stretch.motion.end / time_s)
+def timed(segment: Segment, time_s: float) -> Segment:
+    """The same segment at the feed with which it takes ``time_s`` (G93)."""
+    return replace(segment, feed_mm_s=segment.motion.end / time_s)
 
 
 def target(block: JointMotion, machine: Machine, kinematics: Kinematics, now: Joints) -> Joints:
@@ -86,8 +86,8 @@ def xyz_of(joints: Joints, linear: tuple[int, int, int]) -> Vector:
 
 def arc(
     block: JointArc, machine: Machine, kinematics: Kinematics, now: Joints, voice: Diagnostics
-) -> Stretch | None:
-    """The stretch of a G2 or G3: arc or helix, full circles and turns included."""
+) -> Segment | None:
+    """The segment of a G2 or G3: arc or helix, full circles and turns included."""
     end = target(block, machine, kinematics, now)
     frame, _ = read_in(block.modal, machine, kinematics, rotaries_of(now, kinematics))
     linear = machine.linear()
@@ -127,7 +127,7 @@ def arc(
 # ---- running through -------------------------------------------------------------
 
 
-def runs_through(before: Stretch, after: Stretch) -> bool:
+def runs_through(before: Segment, after: Segment) -> bool:
     """Whether two feed moves meet with one tangent, rotaries in proportion: no stop between them."""
     a, b = before.motion, after.motion
     if not isinstance(a, JointMove) or not isinstance(b, JointMove):

@@ -17,7 +17,7 @@ from controller.machine.model import Joints, Machine
 from controller.motion.motions import ToolSpline
 from controller.plan.lines.corners import Feed
 from controller.plan.rotaries import tool_paths
-from controller.plan.stretch import MIN_TIP_RATE, STANDS_MM, Diagnostics, Stretch
+from controller.plan.segment import MIN_TIP_RATE, STANDS_MM, Diagnostics, Segment
 from controller.plan.surfaces import audit
 from controller.program.program import JointArc, JointLine, Place
 
@@ -38,7 +38,7 @@ class RowMotions:
     def __init__(self, machine: Machine, kinematics: Kinematics, voice: Diagnostics) -> None:
         self._machine, self._kinematics, self._voice = machine, kinematics, voice
 
-    def stretch(
+    def segment(
         self,
         knots: Array,
         c: Array,
@@ -47,7 +47,7 @@ class RowMotions:
         length_mm: float,
         exact: bool = False,
         samples: int = TRAVEL_SAMPLES,
-    ) -> Stretch:
+    ) -> Segment:
         """The motion of spans between ``knots`` (n + 1,) of the row with cubics ``c`` (n, 5, 4).
 
         ``tips`` and ``length_mm``: as of a ``ToolSpline``. Its travel is audited at ``samples`` of each span.
@@ -68,7 +68,7 @@ class RowMotions:
         places = np.append(inside.ravel(), motion.end)
         joints = tool_paths.joints_along_spline(motion, places, self._kinematics)
         start, end = _joints(joints[0]), _joints(joints[-1])
-        found = Stretch(
+        found = Segment(
             motion,
             here[0].place,
             steps[0][1],

@@ -29,11 +29,11 @@ from controller.plan.lines.row_motions import Begun, RowMotions, feed_of, turnin
 from controller.plan.lines.spline_fit import Polyline, Row, Spans, Tolerance
 from controller.plan.rotaries.tool_axes import GreatCircles
 from controller.plan.rotaries.turns import SAME_ROTARY_RAD
-from controller.plan.stretch import (
+from controller.plan.segment import (
     STANDS_MM,
-    Chain,
+    ContinuousPath,
     Diagnostics,
-    Stretch,
+    Segment,
     joints_of,
     rotaries_of,
     straight,
@@ -85,7 +85,7 @@ class LineRow:
         self._maker = CornerMaker(block.modal, self._axis_rad, machine, kinematics, voice)
         self._motions = RowMotions(machine, kinematics, voice)
         self._stand = stand
-        self.joints = stand.joints  # where the stretches given away end
+        self.joints = stand.joints  # where the segments given away end
         self._blocks: list[Feed] = []
         self._given = 0  # lines that have been fitted before
         self._row: Row | None = None
@@ -119,7 +119,7 @@ class LineRow:
     def full(self) -> bool:
         return len(self._blocks) >= WINDOW
 
-    def chains(self, final: bool) -> Iterator[Chain]:
+    def chains(self, final: bool) -> Iterator[ContinuousPath]:
         """Fit what has been collected and give away what is certain, ``final``: all of it."""
         blocks, self._blocks = self._blocks, []
         if blocks:
@@ -130,7 +130,7 @@ class LineRow:
 
     # ---- from blocks to corners ------------------------------------------------------
 
-    def _fitted(self, blocks: list[Feed]) -> Iterator[Chain]:
+    def _fitted(self, blocks: list[Feed]) -> Iterator[ContinuousPath]:
         found, ends = self._maker.of(blocks, self._stand)
         yield from self._begun(blocks[0], found)
         step = self._steps(found)
@@ -144,7 +144,7 @@ class LineRow:
         self._stand = ends
         yield from self._taken(False)
 
-    def _begun(self, block: Feed, found: Corners) -> Iterator[Chain]:
+    def _begun(self, block: Feed, found: Corners) -> Iterator[ContinuousPath]:
         """A swivel at the pole before the first line, where its tool vectors ask for it."""
         if not isinstance(block, TipLine):
             return
@@ -154,7 +154,7 @@ class LineRow:
             yield from self._taken(True)
             audit_line(swivel, self._machine, self._kinematics, self._voice)
             self.joints = swivel.end
-            yield Chain((swivel,))
+            yield ContinuousPath((swivel,))
 
     # ---- from corners to spans ---------------------------------------------------------
 
@@ -223,7 +223,7 @@ class LineRow:
             self._lines.append(blocks[line])
             self._feeds.append(feed_of(blocks[line], size, length, math.degrees(turn)))
 
-    def _taken(self, final: bool) -> Iterator[Chain]:
+    def _taken(self, final: bool) -> Iterator[ContinuousPath]:
         """What ``fit`` can give away by now."""
         while self._row is not None:
             spans = self._row.take(final)
@@ -233,7 +233,9 @@ class LineRow:
         if final:
             self._row = None
 
-    def _turned(self, blocks: list[Feed], found: Corners, after: int, through: int) -> Iterator[Chain]:
+    def _turned(
+        self, blocks: list[Feed], found: Corners, after: int, through: int
+    ) -> Iterator[ContinuousPath]:
         """The tip stands while the axis turns: an exact line of its own."""
         a, b = found.values[after], found.values[through]
         swivel = bool(found.share[after] == 1.0)
@@ -243,14 +245,14 @@ class LineRow:
         if not isinstance(block, TipLine):
             start, end = (joints_of(_three(v), (float(v[3]), float(v[4])), kinematics) for v in (a, b))
             feeds = (block.feed_mm_s, kinematics, turning_feed(block))
-            stretch = straight("line", block.place, start, end, *feeds)
-            if stretch is not None:
+            segment = straight("line", block.place, start, end, *feeds)
+            if segment is not None:
                 if block.time_s is not None:
-                    stretch = moves.timed(stretch, block.time_s)
-                ends = np.array([0.0, stretch.motion.end]), np.array([start, end])
+                    segment = moves.timed(segment, block.time_s)
+                ends = np.array([0.0, segment.motion.end]), np.array([start, end])
                 self._motions.audit(lambda _: block.place, *ends)
-                self.joints = stretch.end
-                yield Chain((stretch,))
+                self.joints = segment.end
+                yield ContinuousPath((segment,))
             return
         stand = self._maker.standing(a[:3], first, lines.axis_of(first, kinematics))
         line: ToolLine | None
@@ -262,10 +264,10 @@ class LineRow:
             line = lines.great_line(stand, stand.tip, circles, last)
         if line is not None:
             name = "swivel" if swivel else "line"
-            stretch = lines.stretch_of(block, line, stand.joints, kinematics, name)
-            audit_line(stretch, self._machine, kinematics, self._voice)
-            self.joints = stretch.end
-            yield Chain((stretch,))
+            segment = lines.segment_of(block, line, stand.joints, kinematics, name)
+            audit_line(segment, self._machine, kinematics, self._voice)
+            self.joints = segment.end
+            yield ContinuousPath((segment,))
 
     def _circle(self, stand: Stand, axis: Vector, last: tuple[float, float]) -> GreatCircles | None:
         if self._vectors:
@@ -274,40 +276,40 @@ class LineRow:
 
     # ---- from spans to motions -----------------------------------------------------------
 
-    def _chain(self, spans: Spans) -> Chain:
-        stretches = []
+    def _chain(self, spans: Spans) -> ContinuousPath:
+        segments = []
         for first in range(0, len(spans.c), SPANS):
             last = min(first + SPANS, len(spans.c))
-            stretches.append(self._stretch(spans.knots[first : last + 1], spans.c[first:last]))
-        self.joints = stretches[-1].end
-        return Chain(tuple(stretches), runs_on=not spans.rests)
+            segments.append(self._segment(spans.knots[first : last + 1], spans.c[first:last]))
+        self.joints = segments[-1].end
+        return ContinuousPath(tuple(segments), runs_on=not spans.rests)
 
-    def _stretch(self, knots: Array, c: Array) -> Stretch:
+    def _segment(self, knots: Array, c: Array) -> Segment:
         first = max(0, bisect_right(self._lines_s, float(knots[0]) + MIN_GAP) - 1)
         last = bisect_left(self._lines_s, float(knots[-1]) - MIN_GAP)
         begun = Begun(self._lines[first:last], self._lines_s[first:last], self._feeds[first:last])
         length_mm = self._modal.length_mm if self._tips else 0.0
-        found = self._motions.stretch(knots, c, begun, self._tips, length_mm)
+        found = self._motions.segment(knots, c, begun, self._tips, length_mm)
         del self._lines[: last - 1], self._lines_s[: last - 1], self._feeds[: last - 1]
         return found
 
 
-def audit_line(stretch: Stretch, machine: Machine, kinematics: Kinematics, voice: Diagnostics) -> None:
+def audit_line(segment: Segment, machine: Machine, kinematics: Kinematics, voice: Diagnostics) -> None:
     """Refuses an exact tool line on which a joint leaves its travel."""
-    motion = stretch.motion
-    first, last = rotaries_of(stretch.start, kinematics), rotaries_of(stretch.end, kinematics)
+    motion = segment.motion
+    first, last = rotaries_of(segment.start, kinematics), rotaries_of(segment.end, kinematics)
     turned = math.degrees(max(abs(a - b) for a, b in zip(first, last, strict=True)))
     near, rows = first, []
     s = np.linspace(0.0, motion.end, 3 + math.ceil(turned / AUDIT_DEG))
     for at in s.tolist():
-        joints = motion.joints(at, near, kinematics) or stretch.end
+        joints = motion.joints(at, near, kinematics) or segment.end
         near = rotaries_of(joints, kinematics)
         rows.append(joints)
     if audit.surely_inside(machine, rows):
         return
     excess = audit.outside(machine, s, np.array(rows))
     if excess is not None:
-        voice.refuse(stretch.place, audit.describe(machine.axes[excess.axis], excess))
+        voice.refuse(segment.place, audit.describe(machine.axes[excess.axis], excess))
 
 
 def _three(row: Array) -> Vector:

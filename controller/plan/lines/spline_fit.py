@@ -17,6 +17,7 @@ these bounds it everywhere, not at samples only. Both are compared at the same l
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass
 
@@ -36,6 +37,7 @@ FROZEN = 2  # spans behind the seam whose knots the spans before it already depe
 GRADE = 2.01  # largest ratio of neighbouring spans
 LOCAL = 0.4  # of several spans around one corner only those this near the worst are halved
 BACK_COSINE = math.cos(math.radians(150.0))  # corners beyond are reversals: a stop
+PAIRS = tuple(itertools.combinations_with_replacement(range(4), 2))  # of the B-splines on a span
 PER_SPAN = 4  # places of a span that count in the least squares besides the polyline's corners
 
 
@@ -250,16 +252,19 @@ class _Fit:
         spans, n = len(self.x) - 1, len(self.x) + 2
         wb = b * weight[:, None]
         first = np.searchsorted(span, np.arange(spans))
-        squares = np.add.reduceat(wb[:, :, None] * b[:, None, :], first, axis=0)
+        squares = np.add.reduceat(wb[:, [p for p, _ in PAIRS]] * b[:, [q for _, q in PAIRS]], first, axis=0)
+        kept = self._kept - self._kept[0]
+        moves = f.any(axis=0) | kept.any(axis=0)  # what stands all along has no controls but the first
+        f = f[:, moves]
         sums = np.add.reduceat(wb[:, :, None] * f[:, None, :], first, axis=0)
-        band, right = np.zeros((4, n)), np.zeros((n, 5))
+        band, right = np.zeros((4, n)), np.zeros((n, f.shape[1]))
         for p in range(4):
             right[p : p + spans] += sums[:, p]
-            for q in range(p, 4):
-                band[3 - (q - p), q : q + spans] += squares[:, p, q]
-        known = len(self._kept)
-        out = np.zeros((n, 5))
-        out[:known] = self._kept - self._kept[0]
+        for (p, q), square in zip(PAIRS, squares.T, strict=True):
+            band[3 - (q - p), q : q + spans] += square
+        known = len(kept)
+        out = np.zeros((n, f.shape[1]))
+        out[:known] = kept[:, moves]
         out[-1] = f[-1]
         for j in (*range(known), n - 1):  # what is known goes to the right side
             for d in range(-3, 4):
@@ -269,7 +274,9 @@ class _Fit:
         inner = slice(known, n - 1)
         if n - 1 > known:
             out[inner] = banded.solve(band[:, inner], right[inner])
-        return out
+        found = np.zeros((n, len(moves)))
+        found[:, moves] = out
+        return found
 
     def spans(self) -> Array:
         """Coefficients (n, 5, 4) of the five values in powers of s - knot."""

@@ -17,7 +17,7 @@ from controller.machine.model import Joints, Machine
 from controller.messages import message
 from controller.motion.motions import JointMove
 from controller.plan.lines.moves import xyz_of
-from controller.plan.stretch import Diagnostics, Stretch, joints_of, rotaries_of
+from controller.plan.segment import Diagnostics, Segment, joints_of, rotaries_of
 from controller.program.position import placed, read_in, shifted
 from controller.program.program import JointCurve
 
@@ -26,9 +26,9 @@ SAMPLES = 257  # of a span
 BESIDE_KNOT = 1e-6  # of the parameter: nearer to a knot there is an end already
 
 
-def stretches(
+def segments(
     block: JointCurve, machine: Machine, kinematics: Kinematics, now: Joints, voice: Diagnostics
-) -> list[Stretch]:
+) -> list[Segment]:
     """The moves of a curve, one for each span between its knots; none where it has no length."""
     whole = spline(block, controls(block, machine, kinematics, now))
     whole = whole.refined(_slow(whole))
@@ -37,13 +37,13 @@ def stretches(
     except ValueError:
         voice.refuse(block.place, message("curve.to_and_fro"))
     length = sum(arc.length_mm for arc in arcs)
-    made: list[Stretch] = []
+    made: list[Segment] = []
     for arc in arcs:
         feed = block.feed_mm_s if block.time_s is None else length / block.time_s
         rotaries, start = rotaries_of(now, kinematics), made[-1].end if made else now
         end = joints_of(arc.curve.at(1.0), rotaries, kinematics)
         move = JointMove(Even(arc), arc.length_mm, rotaries, rotaries)
-        made.append(Stretch(move, block.place, feed, False, start, end, True, "curve"))
+        made.append(Segment(move, block.place, feed, False, start, end, True, "curve"))
     return made
 
 

@@ -15,7 +15,7 @@ from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine
 from controller.motion.motions import JointMove
 from controller.plan.rotaries.branch import joints_along
-from controller.plan.stretch import Chain, Pause, Stretch
+from controller.plan.segment import ContinuousPath, PathItem, Pause, Segment
 from controller.program import modal
 from controller.program.program import Act
 
@@ -24,9 +24,7 @@ MOVES = 1e-7  # mm or rad: less is no motion, but rounding
 CLOSING = (Act.STOP, Act.OPTIONAL_STOP, Act.TOOL, Act.END)  # somebody may reach into the machine
 
 
-def opened(
-    items: Iterable[Chain | Pause], machine: Machine, kinematics: Kinematics
-) -> Iterator[Chain | Pause]:
+def opened(items: Iterable[PathItem], machine: Machine, kinematics: Kinematics) -> Iterator[PathItem]:
     """The path with a pause wherever other clamps are to be open than before."""
     clamped = [i for i, axis in enumerate(machine.axes) if axis.clamp is not None]
     if not clamped:
@@ -49,17 +47,17 @@ def opened(
         yield item
 
 
-def _moved(chain: Chain, clamped: list[int], kinematics: Kinematics) -> int:
+def _moved(chain: ContinuousPath, clamped: list[int], kinematics: Kinematics) -> int:
     """Bits of the clamped axes that the chain moves, or may move."""
     if chain.runs_on:
         return sum(1 << i for i in clamped)
-    return sum(1 << i for i in clamped if any(_moves(s, i, kinematics) for s in chain.stretches))
+    return sum(1 << i for i in clamped if any(_moves(s, i, kinematics) for s in chain.segments))
 
 
-def _moves(stretch: Stretch, axis: int, kinematics: Kinematics) -> bool:
-    if abs(stretch.end[axis] - stretch.start[axis]) > MOVES:
+def _moves(segment: Segment, axis: int, kinematics: Kinematics) -> bool:
+    if abs(segment.end[axis] - segment.start[axis]) > MOVES:
         return True
-    if isinstance(stretch.motion, JointMove) and kinematics.order[axis] >= 3:
+    if isinstance(segment.motion, JointMove) and kinematics.order[axis] >= 3:
         return False  # rotaries turn evenly from start to end
-    q = joints_along(stretch, np.linspace(0.0, stretch.motion.end, SAMPLES), kinematics)[:, axis]
+    q = joints_along(segment, np.linspace(0.0, segment.motion.end, SAMPLES), kinematics)[:, axis]
     return float(np.ptp(q)) > MOVES

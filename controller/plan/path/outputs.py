@@ -1,6 +1,6 @@
 """What the program says of outputs (M62, M63), overrides (M48 to M53) and optional stops (M1) while it moves.
 
-Each stretch has what was said up to its block. An M1 between two lines or arcs is a mark on the first of
+Each segment has what was said up to its block. An M1 between two lines or arcs is a mark on the first of
 them, so that it costs nothing where it is switched off. Any other is a pause: the machine stands there
 anyway, is to leave a surface before somebody looks at it, or to close its clamps.
 """
@@ -16,7 +16,7 @@ from controller.machine.model import Machine
 from controller.messages import message
 from controller.motion.motions import ThreadMove
 from controller.plan.lines.corners import Feed
-from controller.plan.stretch import Chain, Diagnostics, Pause, Stretch
+from controller.plan.segment import ContinuousPath, Diagnostics, PathItem, Segment
 from controller.program.program import (
     ENABLED,
     UNSAID,
@@ -72,27 +72,27 @@ class Switched:
             yield block
         yield from waiting
 
-    def laid(self, items: Iterable[Chain | Pause]) -> Iterator[Chain | Pause]:
-        """The same path; the stretches come in the order of their blocks."""
+    def laid(self, items: Iterable[PathItem]) -> Iterator[PathItem]:
+        """The same path; the segments come in the order of their blocks."""
         for item in items:
-            if isinstance(item, Chain) and self._stops:
+            if isinstance(item, ContinuousPath) and self._stops:
                 item = replace(item, optional_stops=self._stops)
                 self._stops = frozenset(one for one in self._stops if one >= item.place.order)
-            if isinstance(item, Chain) and (
+            if isinstance(item, ContinuousPath) and (
                 len(self._said) > 1 or self._said[0][1] != _NOTHING or _tied(item)
             ):
-                item = replace(item, stretches=tuple(self._switching(one) for one in item.stretches))
+                item = replace(item, segments=tuple(self._switching(one) for one in item.segments))
             yield item
 
-    def _switching(self, stretch: Stretch) -> Stretch:
-        while len(self._said) > 1 and self._said[1][0] <= stretch.place.order:
+    def _switching(self, segment: Segment) -> Segment:
+        while len(self._said) > 1 and self._said[1][0] <= segment.place.order:
             self._said.popleft()
         outputs, overrides, guarded = self._said[0][1]
-        if stretch.name == PROBE:
+        if segment.name == PROBE:
             overrides, guarded = overrides._replace(feed=False), False
-        if isinstance(stretch.motion, ThreadMove):  # its feed is the spindle's
+        if isinstance(segment.motion, ThreadMove):  # its feed is the spindle's
             overrides = overrides._replace(feed=False)
-        return replace(stretch, outputs=outputs, overrides=overrides, guarded=guarded)
+        return replace(segment, outputs=outputs, overrides=overrides, guarded=guarded)
 
 
 def _feeds(block: Block | None) -> bool:
@@ -100,8 +100,8 @@ def _feeds(block: Block | None) -> bool:
     return isinstance(block, Feed) and block.feed_mm_s is not None and not probes
 
 
-def _tied(chain: Chain) -> bool:
-    return any(isinstance(stretch.motion, ThreadMove) for stretch in chain.stretches)
+def _tied(chain: ContinuousPath) -> bool:
+    return any(isinstance(segment.motion, ThreadMove) for segment in chain.segments)
 
 
 # The way of a probing move: not faster than the probe can bear when it is stopped behind a touch.
@@ -113,18 +113,20 @@ SEEN_TICKS = 5  # from the edge to the first setpoint that is slower, at the mos
 CLOSE = 1e-4  # of the fastest feed that is told, mm/s
 
 
-def probing_way(chain: Chain, probe: Probing, tool: int, machine: Machine, voice: Diagnostics) -> Chain:
+def probing_way(
+    chain: ContinuousPath, probe: Probing, tool: int, machine: Machine, voice: Diagnostics
+) -> ContinuousPath:
     """The same way, under its own feed alone; refused where its stop would be too long for the probe."""
     sensor = machine.sensor(tool)
     most_mm = sensor.overtravel_mm if sensor is not None else 0.0
     late_s = SEEN_TICKS * machine.period_s + (sensor.latency_s if sensor is not None else 0.0)
-    for stretch in chain.stretches:
-        feed = stretch.feed_mm_s or 0.0
-        found = overtravel_mm(stretch, feed, late_s, machine)
+    for segment in chain.segments:
+        feed = segment.feed_mm_s or 0.0
+        found = overtravel_mm(segment, feed, late_s, machine)
         if found > most_mm:
-            fastest = math.floor(60.0 * _fastest(stretch, most_mm, late_s, machine))
+            fastest = math.floor(60.0 * _fastest(segment, most_mm, late_s, machine))
             voice.refuse(
-                stretch.place,
+                segment.place,
                 message(
                     "probing.too_fast",
                     code=probe.code,
@@ -134,13 +136,13 @@ def probing_way(chain: Chain, probe: Probing, tool: int, machine: Machine, voice
                     fastest=fastest,
                 ),
             )
-    mine = [replace(one, name=PROBE, overrides=one.overrides._replace(feed=False)) for one in chain.stretches]
-    return replace(chain, stretches=tuple(mine))
+    mine = [replace(one, name=PROBE, overrides=one.overrides._replace(feed=False)) for one in chain.segments]
+    return replace(chain, segments=tuple(mine))
 
 
-def overtravel_mm(stretch: Stretch, feed_mm_s: float, late_s: float, machine: Machine) -> float:
+def overtravel_mm(segment: Segment, feed_mm_s: float, late_s: float, machine: Machine) -> float:
     """How far the axes go on behind a touch, at the most: seen, lagging, stopped within their limits."""
-    ways = [(stretch.end[i] - stretch.start[i], machine.axes[i]) for i in machine.linear()]
+    ways = [(segment.end[i] - segment.start[i], machine.axes[i]) for i in machine.linear()]
     length = math.sqrt(sum(way * way for way, _ in ways))
     if length == 0.0:
         return 0.0
@@ -152,10 +154,10 @@ def overtravel_mm(stretch: Stretch, feed_mm_s: float, late_s: float, machine: Ma
     return feed_mm_s * (late_s + lag_s + 0.5 * stop_s)
 
 
-def _fastest(stretch: Stretch, most_mm: float, late_s: float, machine: Machine) -> float:
-    low, high = 0.0, stretch.feed_mm_s or 0.0
+def _fastest(segment: Segment, most_mm: float, late_s: float, machine: Machine) -> float:
+    low, high = 0.0, segment.feed_mm_s or 0.0
     while high - low > CLOSE:
         middle = 0.5 * (low + high)
-        inside = overtravel_mm(stretch, middle, late_s, machine) <= most_mm
+        inside = overtravel_mm(segment, middle, late_s, machine) <= most_mm
         low, high = (middle, high) if inside else (low, middle)
     return low

@@ -26,8 +26,18 @@ from controller.plan.lines.lines import Stand
 from controller.plan.lines.rows import LineRow
 from controller.plan.path import clamps, outputs, poles
 from controller.plan.path.outputs import Switched
-from controller.plan.rotaries.branch import BranchLost, joints_along
-from controller.plan.stretch import Chain, Diagnostics, Note, Path, Pause, Stretch, motion_named, rotaries_of
+from controller.plan.rotaries.branch import joints_along
+from controller.plan.segment import (
+    ContinuousPath,
+    Diagnostics,
+    Note,
+    Path,
+    PathItem,
+    Pause,
+    Segment,
+    motion_named,
+    rotaries_of,
+)
 from controller.plan.surfaces import (
     approach,
     audit,
@@ -66,22 +76,9 @@ from controller.program.program import (
     TipLine,
 )
 
-__all__ = [
-    "BranchLost",
-    "Chain",
-    "Note",
-    "Path",
-    "PathBuilder",
-    "Pause",
-    "Stretch",
-    "joints_along",
-    "stream",
-    "trace",
-]
-
 ARC_SAMPLES = 181
 MAX_SAID = 100  # messages that are noted
-LONGEST_CHAIN = 64  # stretches; a longer row of lines comes in parts
+LONGEST_CHAIN = 64  # segments; a longer row of lines comes in parts
 
 
 def trace(program: Program, machine: Machine, kinematics: Kinematics, start: Joints) -> Path:
@@ -106,7 +103,7 @@ def stream(
     kinematics: Kinematics,
     start: Joints,
     chosen: Mapping[int, Rotaries] | None = None,
-) -> Iterator[Chain | Pause]:
+) -> Iterator[PathItem]:
     """As ``trace``, item by item and without the notes; no more of the program is held than a window.
 
     ``chosen``: rotaries (rad) at the start of a train of cuts or at a G0 with a tool vector, by
@@ -119,7 +116,7 @@ class _Way(NamedTuple):
     """Cuts under way: the next train may follow without a retract."""
 
     legs: Sequence[CutSegment]
-    run: list[Stretch]  # of the chain that they end in
+    run: list[Segment]  # of the chain that they end in
 
 
 class PathBuilder:
@@ -136,26 +133,26 @@ class PathBuilder:
         self._machine, self._kinematics = machine, kinematics
         self._chosen = chosen  # rotaries at the start of a train, by the order of its first block
         self._voice = Diagnostics(name, self._note)
-        self._items: list[Chain | Pause] = []  # not given away yet
+        self._items: list[PathItem] = []  # not given away yet
         self._ahead = Ahead(iter(()))
         self.notes: list[Note] = []
         self._row: LineRow | None = None  # of lines and arcs under G64 P, or of lines that run on
         self._waiting = meant.Waiting(machine, kinematics)
         self._exact_lines = exact_rows.ExactLines(machine, kinematics, self._voice)
         self._stand: Stand | None = None  # of the tool after the last block of G43.4 or G43.5
-        self._run: list[Stretch] = []  # feed moves that still run through
+        self._run: list[Segment] = []  # feed moves that still run through
         self._blends_noted = False
         self._way: _Way | None = None  # cuts that are not left yet
         self._said: set[tuple[int, str]] = set()  # line and message that were noted
         self.now = start
 
-    def items(self, blocks: Iterable[Block]) -> Iterator[Chain | Pause]:
+    def items(self, blocks: Iterable[Block]) -> Iterator[PathItem]:
         """The path of all blocks, as it is made; before a block that is refused comes all that is sound."""
         switched = Switched(self._machine)
         items = switched.laid(self._sound_items(switched.read(blocks)))
         return clamps.opened(items, self._machine, self._kinematics)
 
-    def _sound_items(self, blocks: Iterable[Block]) -> Iterator[Chain | Pause]:
+    def _sound_items(self, blocks: Iterable[Block]) -> Iterator[PathItem]:
         try:
             yield from self._items_of(blocks)
         except ProgramError as error:
@@ -169,7 +166,7 @@ class PathBuilder:
             yield from self._made()
             raise first from None
 
-    def _items_of(self, blocks: Iterable[Block]) -> Iterator[Chain | Pause]:
+    def _items_of(self, blocks: Iterable[Block]) -> Iterator[PathItem]:
         self._ahead = Ahead(self._heard(blocks))
         for is_cut, group in itertools.groupby(self._ahead, lambda b: isinstance(b, CutBlock)):
             if is_cut:
@@ -199,7 +196,7 @@ class PathBuilder:
                 self._said.add(words)
                 self._note(block.place, message("note.says", text=block.text))
 
-    def _made(self) -> list[Chain | Pause]:
+    def _made(self) -> list[PathItem]:
         made, self._items = self._items, []
         return made
 
@@ -248,15 +245,15 @@ class PathBuilder:
     def _exact(self, block: JointMotion) -> None:
         """G0 to G5.2 without a tool-centre mode, as it stands there."""
         machine, kinematics, now = self._machine, self._kinematics, self.now
-        made: Sequence[Stretch | None]
+        made: Sequence[Segment | None]
         if isinstance(block, JointCurve):
-            made = spline_moves.stretches(block, machine, kinematics, now, self._voice)
+            made = spline_moves.segments(block, machine, kinematics, now, self._voice)
         elif isinstance(block, JointLine):
             made = [moves.line(block, machine, kinematics, now)]
         else:
             made = [moves.arc(block, machine, kinematics, now, self._voice)]
-        for stretch in made:
-            self._move(stretch, block.relative)
+        for segment in made:
+            self._move(segment, block.relative)
 
     def _probe(self, block: JointLine | TipLine, probe: Probing) -> None:
         """A line between two pauses: armed at rest, and at rest until it is known what came of it."""
@@ -264,7 +261,7 @@ class PathBuilder:
         made = len(self._items)
         self._alone(block)
         self._rest()
-        ways = [one for one in self._items[made:] if isinstance(one, Chain)]
+        ways = [one for one in self._items[made:] if isinstance(one, ContinuousPath)]
         if not ways:
             self._voice.refuse(block.place, message("probing.no_way", code=probe.code))
         self._items[made:] = [
@@ -285,7 +282,7 @@ class PathBuilder:
         """G0 or exact G1 under G43.4 or G43.5."""
         stand = self._standing(block.modal.length_mm)
         machine, kinematics = self._machine, self._kinematics
-        made: list[Stretch] = []
+        made: list[Segment] = []
         if block.feed_mm_s is None and not block.stands:
             following = self._ahead.lines_like(block) if block.axis is not None else []
             wanted = self._chosen.get(block.place.order)
@@ -293,11 +290,11 @@ class PathBuilder:
             made += [one] if one is not None else []
         else:
             made, stand = lines.exact(block, stand, machine, kinematics, self._voice)
-        for stretch in made:
-            if stretch.name == "swivel":
+        for segment in made:
+            if segment.name == "swivel":
                 self._rest()
-            self._move(stretch, block.relative)
-            if stretch.name == "swivel":
+            self._move(segment, block.relative)
+            if segment.name == "swivel":
                 self._rest()
         self._stand = replace(stand, joints=self.now)
 
@@ -384,7 +381,7 @@ class PathBuilder:
         only = row.only if self._way is None else None
         self._ended(row, only, [] if only is not None else self._chains_of(row))
 
-    def _ended(self, row: LineRow, only: Feed | None, chains: Sequence[Chain]) -> None:
+    def _ended(self, row: LineRow, only: Feed | None, chains: Sequence[ContinuousPath]) -> None:
         """A row that ends at rest; one that is but a single block, ``only``, stays exact."""
         if only is not None:
             self._alone(only)
@@ -394,7 +391,7 @@ class PathBuilder:
             self.now = row.joints
             self._stand = replace(row.stand, joints=self.now)
 
-    def _chains_of(self, row: LineRow) -> list[Chain]:
+    def _chains_of(self, row: LineRow) -> list[ContinuousPath]:
         """All that is left of a row that ends, with the cuts before it where it runs on from them."""
         chains = list(row.chains(True))
         if chains and self._way is not None:
@@ -440,14 +437,14 @@ class PathBuilder:
             onto = leads.lay(legs, True, self._machine, self._kinematics, self._voice)
             for chain in approach.arrive(legs, onto, self.now, self._machine, self._kinematics):
                 self._chain(chain)
-            run = list(onto.stretches)
+            run = list(onto.segments)
         self._way = _Way(legs, self._cut(legs, meetings, run))
 
     def _legs(self, members: Sequence[cuts.Cut], near: Rotaries) -> list[CutSegment]:
         wanted = self._chosen.get(members[0].block.place.order)
         return train.choose(members, self._machine, self._kinematics, near, self._voice, wanted)
 
-    def _linked(self, members: Sequence[cuts.Cut]) -> tuple[list[CutSegment], list[Stretch]] | None:
+    def _linked(self, members: Sequence[cuts.Cut]) -> tuple[list[CutSegment], list[Segment]] | None:
         """The next train and the run with the link to it; None where the tool goes up between them."""
         if self._way is None:
             return None
@@ -461,14 +458,14 @@ class PathBuilder:
         link = links.lay(before, legs, self._machine, self._kinematics)
         return (legs, [*run, link]) if link is not None else None
 
-    def _entered(self, members: Sequence[cuts.Cut]) -> tuple[list[CutSegment], list[Stretch]] | None:
+    def _entered(self, members: Sequence[cuts.Cut]) -> tuple[list[CutSegment], list[Segment]] | None:
         """The next train and the row that leads over into it; None where the row ends at rest before it."""
         row, self._row = self._row, None
         assert row is not None
         only, chains = row.only if self._way is None else None, self._chains_of(row)
         entered = None
         if chains:
-            last = chains[-1].stretches[-1]
+            last = chains[-1].segments[-1]
             entered = line_blends.onto(last, row.modal, members, self._machine, self._kinematics, self._voice)
         if entered is None:
             self._ended(row, only, chains)
@@ -476,7 +473,7 @@ class PathBuilder:
             return None
         self._rest()
         self._items += chains[:-1]
-        return entered.legs, [*chains[-1].stretches[:-1], entered.row]
+        return entered.legs, [*chains[-1].segments[:-1], entered.row]
 
     def _runs_on(self, block: Feed) -> bool:
         """Whether a line or an arc leads on from the cuts under way; then the path has come to their end."""
@@ -489,7 +486,7 @@ class PathBuilder:
         )
         row.add(block)
         try:
-            first = [stretch for chain in row.chains(True) for stretch in chain.stretches][:1]
+            first = [segment for chain in row.chains(True) for segment in chain.segments][:1]
         except ProgramError:  # it may run from where a departure leads
             first = []
         why = line_blends.departs(way.legs, way.run, first, block.modal, self._machine, self._kinematics)
@@ -500,18 +497,18 @@ class PathBuilder:
             self._note(block.place, message("row.departs", line=way.run[-1].place.line, why=why))
         return False
 
-    def _run_off(self, chain: Chain, modal: Modal) -> Chain:
+    def _run_off(self, chain: ContinuousPath, modal: Modal) -> ContinuousPath:
         """The cuts under way and the row that begins at their end: blended, or at rest there."""
         assert self._way is not None
         (legs, run), self._way = self._way, None
-        first, *rest = chain.stretches
+        first, *rest = chain.segments
         found = line_blends.off(legs, run, first, modal, self._machine, self._kinematics, self._voice)
         if found is None:
-            self._chain(Chain(tuple(run)))
+            self._chain(ContinuousPath(tuple(run)))
             return chain
-        for stretch in run:
-            self._audit(stretch)
-        return replace(chain, stretches=(*run[:-1], found.cut, found.row, *rest))
+        for segment in run:
+            self._audit(segment)
+        return replace(chain, segments=(*run[:-1], found.cut, found.row, *rest))
 
     def _leave(self) -> None:
         """The end of the cuts that are under way, lead out and departure."""
@@ -519,26 +516,26 @@ class PathBuilder:
             return
         (legs, run), self._way = self._way, None
         off = leads.lay(legs, False, self._machine, self._kinematics, self._voice)
-        self._chain(Chain((*run, *off.stretches)))
+        self._chain(ContinuousPath((*run, *off.segments)))
         for chain in approach.depart(legs, off, self._machine, self._kinematics):
             self._chain(chain)
 
     def _cut(
-        self, legs: Sequence[CutSegment], meetings: Sequence[train.Meeting], run: list[Stretch]
-    ) -> list[Stretch]:
+        self, legs: Sequence[CutSegment], meetings: Sequence[train.Meeting], run: list[Segment]
+    ) -> list[Segment]:
         """``run`` with the cuts and the pivots between them; a swivel at a pole stands alone."""
-        run.append(legs[0].stretch)
+        run.append(legs[0].segment)
         for (before, after), meeting in zip(itertools.pairwise(legs), meetings, strict=True):
-            for stretch in approach.between(before, after, meeting, self._kinematics):
-                if stretch.name == "swivel":
-                    self._note(stretch.place, poles.standing(stretch, before, after, self._machine))
+            for segment in approach.between(before, after, meeting, self._kinematics):
+                if segment.name == "swivel":
+                    self._note(segment.place, poles.standing(segment, before, after, self._machine))
                     self._way = None  # of a train before that is linked: here it is
-                    self._chain(Chain(tuple(run)))
-                    self._chain(Chain((stretch,)))
+                    self._chain(ContinuousPath(tuple(run)))
+                    self._chain(ContinuousPath((segment,)))
                     run = []
                 else:
-                    run.append(stretch)
-            run.append(after.stretch)
+                    run.append(segment)
+            run.append(after.segment)
         return run
 
     # ---- collecting --------------------------------------------------------------
@@ -561,54 +558,54 @@ class PathBuilder:
         self._rest()
         self._items.append(pause)
 
-    def _move(self, stretch: Stretch | None, relative: bool) -> None:
-        """A stretch of G0 to G3: at rest on both sides unless it goes on as its neighbour came."""
-        if stretch is None:
+    def _move(self, segment: Segment | None, relative: bool) -> None:
+        """A segment of G0 to G3: at rest on both sides unless it goes on as its neighbour came."""
+        if segment is None:
             return
-        self._audit(stretch, relative)
-        rapid = stretch.feed_mm_s is None
-        if self._run and (rapid or not self._runs_through(self._run[-1], stretch)):
+        self._audit(segment, relative)
+        rapid = segment.feed_mm_s is None
+        if self._run and (rapid or not self._runs_through(self._run[-1], segment)):
             self._rest()
         if len(self._run) > LONGEST_CHAIN:
-            self._items.append(Chain(tuple(self._run), runs_on=True))
+            self._items.append(ContinuousPath(tuple(self._run), runs_on=True))
             self._run = []
-        self._run.append(stretch)
-        self.now = stretch.end
+        self._run.append(segment)
+        self.now = segment.end
         if rapid:
             self._rest()
 
-    def _runs_through(self, before: Stretch, after: Stretch) -> bool:
+    def _runs_through(self, before: Segment, after: Segment) -> bool:
         return moves.runs_through(before, after) or lines.runs_through(
             before, after, self._machine, self._kinematics
         )
 
     def _rest(self) -> None:
         if self._run:
-            self._items.append(Chain(tuple(self._run)))
+            self._items.append(ContinuousPath(tuple(self._run)))
             self._run = []
 
-    def _chain(self, chain: Chain) -> None:
-        for stretch in chain.stretches:
-            self._audit(stretch)
+    def _chain(self, chain: ContinuousPath) -> None:
+        for segment in chain.segments:
+            self._audit(segment)
         self._items.append(chain)
-        self.now = chain.stretches[-1].end
+        self.now = chain.segments[-1].end
 
-    def _audit(self, stretch: Stretch, relative: bool = False) -> None:
+    def _audit(self, segment: Segment, relative: bool = False) -> None:
         """Travel of everything that is not a cut: those were audited as their branch was chosen."""
-        if isinstance(stretch.motion, ToolLine):
-            rows.audit_line(stretch, self._machine, self._kinematics, self._voice)
-        turns = isinstance(stretch.motion, SurfaceCut) and not stretch.cutting  # a pivot of placed axes
-        if not isinstance(stretch.motion, JointMove) and not turns:
+        if isinstance(segment.motion, ToolLine):
+            rows.audit_line(segment, self._machine, self._kinematics, self._voice)
+        turns = isinstance(segment.motion, SurfaceCut) and not segment.cutting  # a pivot of placed axes
+        if not isinstance(segment.motion, JointMove) and not turns:
             return
-        excess = audit.outside_at(self._machine, stretch.end)
-        if excess is None and stretch.name in ("arc", "curve", "lead in", "lead out", "pivot", "swivel"):
-            s = np.linspace(0.0, stretch.motion.end, ARC_SAMPLES)
-            excess = audit.outside(self._machine, s, joints_along(stretch, s, self._kinematics))
+        excess = audit.outside_at(self._machine, segment.end)
+        if excess is None and segment.name in ("arc", "curve", "lead in", "lead out", "pivot", "swivel"):
+            s = np.linspace(0.0, segment.motion.end, ARC_SAMPLES)
+            excess = audit.outside(self._machine, s, joints_along(segment, s, self._kinematics))
         if excess is not None:
             axis = self._machine.axes[excess.axis]
-            where = message("travel.in", motion=motion_named(stretch.name)) if stretch.name != "line" else ""
+            where = message("travel.in", motion=motion_named(segment.name)) if segment.name != "line" else ""
             advice: Message = audit.MOVE
             if axis.is_rotary and relative:  # from another turn the same distance may fit
-                a, b = stretch.start[excess.axis], stretch.end[excess.axis]
+                a, b = segment.start[excess.axis], segment.end[excess.axis]
                 advice = unwind.offer(axis, a, min(a, b), max(a, b))
-            self._voice.refuse(stretch.place, audit.describe(axis, excess, where, advice))
+            self._voice.refuse(segment.place, audit.describe(axis, excess, where, advice))

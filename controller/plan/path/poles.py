@@ -14,7 +14,7 @@ import math
 from controller.geometry.vectors import Vector, cross, norm, scale, subtract, unit
 from controller.machine.model import Machine
 from controller.messages import Message, message
-from controller.plan.stretch import Stretch
+from controller.plan.segment import Segment
 from controller.plan.surfaces.legs import CutSegment
 
 MAX_ACCELERATION, MAX_JERK = 3.0 * math.sqrt(3.0) / 8.0, 2.0  # of atan(x), per x' squared and cubed
@@ -22,7 +22,7 @@ STEP = 1e-3  # of a cut's length, over which its axis is looked at
 MIN_TURN = 1e-6  # of the axis, rad/mm
 
 
-def standing(swivel: Stretch, before: CutSegment, after: CutSegment, machine: Machine) -> Message:
+def standing(swivel: Segment, before: CutSegment, after: CutSegment, machine: Machine) -> Message:
     """The note of a turn at a pole between two cuts: place, rotary, angle, time, and the tilt."""
     turns = [abs(b - a) for a, b in zip(swivel.start, swivel.end, strict=True)]
     k = max(machine.rotary(), key=lambda i: turns[i])

@@ -14,7 +14,7 @@ from controller.messages import message
 from controller.motion.motions import ThreadMove
 from controller.plan.rotaries.branch import joints_along
 from controller.plan.rotaries.turns import SAME_ROTARY_RAD
-from controller.plan.stretch import Chain, Note, Pause, Stretch
+from controller.plan.segment import ContinuousPath, Note, PathItem, Pause, Segment
 from controller.program.program import Place
 
 OF_PROGRAM = ("line", "arc", "curve")  # names of motions that a program writes itself
@@ -22,8 +22,8 @@ POSES, MAX_POSES = 9, 4000  # that are looked at: for each line of a motion, and
 
 
 def plunges(
-    items: Iterable[Chain | Pause], machine: Machine, kinematics: Kinematics, note: Callable[[Note], None]
-) -> Iterator[Chain | Pause]:
+    items: Iterable[PathItem], machine: Machine, kinematics: Kinematics, note: Callable[[Note], None]
+) -> Iterator[PathItem]:
     """Notes of each tool that does not cut over its centre the first line at feed which leads it down its
     axis.
 
@@ -35,7 +35,7 @@ def plunges(
         if isinstance(item, Pause):
             tool = item.modal.tool_in(machine)
         elif tool is not None and not tool.centre_cutting and tool.number not in told:
-            places = (_plunge(one, tool, kinematics) for one in item.stretches)
+            places = (_plunge(one, tool, kinematics) for one in item.segments)
             place = next((one for one in places if one is not None), None)
             if place is not None:
                 told.add(tool.number)
@@ -43,7 +43,7 @@ def plunges(
         yield item
 
 
-def _plunge(one: Stretch, tool: Tool, kinematics: Kinematics) -> Place | None:
+def _plunge(one: Segment, tool: Tool, kinematics: Kinematics) -> Place | None:
     """The line of a motion at feed that leads down the tool axis more than across it; None: none does."""
     if one.feed_mm_s is None or one.cutting or one.name not in OF_PROGRAM:
         return None
@@ -60,8 +60,8 @@ def _plunge(one: Stretch, tool: Tool, kinematics: Kinematics) -> Place | None:
 
 
 def standing_spindle(
-    items: Iterable[Chain | Pause], machine: Machine, note: Callable[[Note], None]
-) -> Iterator[Chain | Pause]:
+    items: Iterable[PathItem], machine: Machine, note: Callable[[Note], None]
+) -> Iterator[PathItem]:
     """Notes the first feed move before the spindle ever turns.
 
     Surfaces are refused without it. Where no spindle is, and where the operator switches it as he likes,
@@ -77,17 +77,17 @@ def standing_spindle(
         yield item
 
 
-def _fed(item: Chain | Pause) -> Place | None:
+def _fed(item: PathItem) -> Place | None:
     """Where a chain first moves at a feed."""
     fed = (
-        one for one in item.stretches if one.feed_mm_s is not None and not isinstance(one.motion, ThreadMove)
+        one for one in item.segments if one.feed_mm_s is not None and not isinstance(one.motion, ThreadMove)
     )
     return next((one.place for one in fed), None)
 
 
 def changed_rotaries(
-    items: Iterable[Chain | Pause], machine: Machine, start: Joints, note: Callable[[Note], None]
-) -> Iterator[Chain | Pause]:
+    items: Iterable[PathItem], machine: Machine, start: Joints, note: Callable[[Note], None]
+) -> Iterator[PathItem]:
     """Notes each tool change that ends with a rotary elsewhere: M6 names no axis, and the tool may be askew.
 
     The places are those of the changer's steps in the machine file (``move_deg`` of ``[changer]``); a change
@@ -95,8 +95,8 @@ def changed_rotaries(
     """
     before = now = start
     for item in items:
-        if isinstance(item, Chain):
-            now = item.stretches[-1].end
+        if isinstance(item, ContinuousPath):
+            now = item.segments[-1].end
         elif item.changing is not None:
             before = now if item.changing.step == 0 else before
             if item.changing.last and (turned := _turned(machine, before, now)):

@@ -13,7 +13,7 @@ from dataclasses import replace
 
 from controller.machine.model import Machine
 from controller.messages import Message, message
-from controller.plan.stretch import Chain, Note, Pause
+from controller.plan.segment import Note, PathItem, Pause
 from controller.program.program import Act
 
 _BEFORE = (Act.SPINDLE, Act.COOLANT, Act.OUTPUT, Act.TOOL, Act.END)  # for these nothing has to turn yet
@@ -27,12 +27,12 @@ def instruction(rev_min: float) -> Message:
 
 
 def stopped(
-    items: Iterable[Chain | Pause],
+    items: Iterable[PathItem],
     machine: Machine,
     rev_min: float = 0.0,
     typed: bool = False,
     note: Callable[[Note], None] = lambda _: None,
-) -> Iterator[Chain | Pause]:
+) -> Iterator[PathItem]:
     """The path with the stops at which the operator switches the spindle; ``note`` gets one of each.
 
     ``rev_min``: as it turns before. ``typed``: a line by hand, at whose end he is asked, too. A spindle that

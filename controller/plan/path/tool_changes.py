@@ -10,20 +10,20 @@ from collections.abc import Callable, Iterable, Iterator
 
 from controller.machine.model import Machine
 from controller.messages import Key, Message, message
-from controller.plan.stretch import Chain, Note, Pause
+from controller.plan.segment import Note, PathItem, Pause
 from controller.program import modal
 from controller.program.program import Act, Modal, ProgramError
 
 
 def stopped(
-    items: Iterable[Chain | Pause],
+    items: Iterable[PathItem],
     machine: Machine,
     in_spindle: int,
     before: Modal | None = None,
     typed: bool = False,
     note: Callable[[Note], None] = lambda _: None,
     name: str = "",
-) -> Iterator[Chain | Pause]:
+) -> Iterator[PathItem]:
     """The path with a stop behind every change to another tool than the one that is there.
 
     Where that one must not turn, or not so fast, it is changed before the spindle does; a line by hand

@@ -12,34 +12,32 @@ import numpy as np
 
 from controller.machine.model import MAX_PROGRAM_H, Machine
 from controller.messages import Key, message
-from controller.plan.stretch import Chain, Pause, Stretch
+from controller.plan.segment import PathItem, Pause, Segment
 from controller.program.program import Place, ProgramError
 
 HOUR_S = 3600.0
 
 
-def _parts(item: Chain | Pause, machine: Machine) -> list[tuple[Place, float]]:
+def _parts(item: PathItem, machine: Machine) -> list[tuple[Place, float]]:
     if isinstance(item, Pause):
         return [(item.place, item.seconds)]
-    return [(stretch.place, _least_s(stretch, machine)) for stretch in item.stretches]
+    return [(segment.place, _least_s(segment, machine)) for segment in item.segments]
 
 
-def _least_s(stretch: Stretch, machine: Machine) -> float:
-    share = machine.rapid_share if stretch.feed_mm_s is None else 1.0
-    ways = zip(stretch.start, stretch.end, machine.axes, strict=True)
+def _least_s(segment: Segment, machine: Machine) -> float:
+    share = machine.rapid_share if segment.feed_mm_s is None else 1.0
+    ways = zip(segment.start, segment.end, machine.axes, strict=True)
     turned_s = max(abs(b - a) / (axis.limits.velocity * share) for a, b, axis in ways)
-    if stretch.feed_mm_s is None:
+    if segment.feed_mm_s is None:
         return turned_s
-    if (feed := stretch.even_feed) is not None:
-        return max(turned_s, stretch.motion.end / feed)
-    starts = np.array([0.0, *(s for s, _ in stretch.feed_steps if 0.0 < s < stretch.motion.end)])
-    lengths = np.diff(starts, append=stretch.motion.end)
-    return max(turned_s, float((lengths / stretch.feed_at(starts)).sum()))
+    if (feed := segment.even_feed) is not None:
+        return max(turned_s, segment.motion.end / feed)
+    starts = np.array([0.0, *(s for s, _ in segment.feed_steps if 0.0 < s < segment.motion.end)])
+    lengths = np.diff(starts, append=segment.motion.end)
+    return max(turned_s, float((lengths / segment.feed_at(starts)).sum()))
 
 
-def bounded(
-    items: Iterable[Chain | Pause], machine: Machine, name: str, whole: bool = True
-) -> Iterator[Chain | Pause]:
+def bounded(items: Iterable[PathItem], machine: Machine, name: str, whole: bool = True) -> Iterator[PathItem]:
     """The same path; raises ProgramError where it takes longer than ``machine.longest_program_h``.
 
     ``whole``: the rest of it is read before, so that its whole time can be told.

@@ -19,7 +19,7 @@ from controller.machine.model import OFFSETS, Joints, Machine
 from controller.messages import DEFAULT, text
 from controller.motion.motions import JointMove, Rotaries
 from controller.plan.lines import moves, spline_moves
-from controller.plan.stretch import Diagnostics, rotaries_of
+from controller.plan.segment import Diagnostics, rotaries_of
 from controller.program.position import Coordinate, Position, read_in
 from controller.program.program import (
     Act,

@@ -26,7 +26,7 @@ from controller.plan.feed import binding, mesh
 from controller.plan.feed.binding import NUMBER_OF_CODES, SHOWN_S, Codes, Motion, Span
 from controller.plan.feed.course import FeedCourse
 from controller.plan.feed.law import along, along_each
-from controller.plan.stretch import Stretch
+from controller.plan.segment import Segment
 
 PER_WINDOW = 10  # moments
 MAX_WINDOWS = 320  # that are looked at at once
@@ -110,7 +110,7 @@ def _looks(course: FeedCourse, spans: Sequence[Span], limits: Array) -> Iterator
         for part, even in _cut(span):
             own = binding.windows(part)
             n = min(own, _places(course, part)) if even else own
-            changes = even and not _is_even(course.stretches[span.stretch])
+            changes = even and not _is_even(course.segments[span.segment])
             many = _even(course, Look(part, n), limits) if changes else iter([Look(part, n)])
             for look in many:
                 yield from _slices(look)
@@ -147,13 +147,13 @@ def _cut(span: Span) -> Iterator[tuple[Span, bool]]:
 
 def _places(course: FeedCourse, span: Span) -> int:
     """Windows in which the path's own bends are seen at an even speed."""
-    stretch = course.stretches[span.stretch]
+    segment = course.segments[span.segment]
     low, high = along(span.law, np.array([span.from_s, span.to_s]))[0]
-    return 1 + int(_moments(stretch, float(high - low)) / PER_WINDOW)
+    return 1 + int(_moments(segment, float(high - low)) / PER_WINDOW)
 
 
-def _moments(stretch: Stretch, length: float) -> float:
-    motion = stretch.motion
+def _moments(segment: Segment, length: float) -> float:
+    motion = segment.motion
     if isinstance(motion, JointMove) and not isinstance(motion.curve, Even):
         if isinstance(motion.curve, Line):
             return 0.0
@@ -162,9 +162,9 @@ def _moments(stretch: Stretch, length: float) -> float:
     return max(length / mesh.SPACING, mesh.SAMPLES[0] * length / motion.end)
 
 
-def _is_even(stretch: Stretch) -> bool:
+def _is_even(segment: Segment) -> bool:
     """Whether the shares of all limits are the same anywhere on it at an even speed."""
-    return stretch.is_straight and stretch.even_feed is not None
+    return segment.is_straight and segment.even_feed is not None
 
 
 def _even(course: FeedCourse, look: Look, limits: Array) -> Iterator[Look]:

@@ -26,7 +26,7 @@ from controller.plan.feed.course import FeedCourse
 from controller.plan.feed.law import along_each
 from controller.plan.report.planned import Planned
 from controller.plan.restart.program_position import LinePart, lines_along, part_at
-from controller.plan.stretch import Chain, Pause, Stretch, Wait
+from controller.plan.segment import ContinuousPath, PathItem, Segment, Wait
 from controller.plan.timetable import MAX_EVENTS, Event, Passed, event_of
 from controller.plan.waits import OPTIONAL
 
@@ -57,17 +57,17 @@ class Passing:
         self.marks: list[Mark] = []
         self._events: list[Event] = []
         self._optional: dict[int, int] = {}  # lines that an M1 follows, by the order of their block
-        self._parts: dict[int, tuple[Stretch, tuple[LinePart, ...]]] = {}  # by identity, of what is ahead
+        self._parts: dict[int, tuple[Segment, tuple[LinePart, ...]]] = {}  # by identity, of what is ahead
         self._now_s = 0.0
         self._apart_s = 0.0  # of two marks, at the least
 
-    def watched(self, items: Iterable[Chain | Pause]) -> Iterator[Chain | Pause]:
+    def watched(self, items: Iterable[PathItem]) -> Iterator[PathItem]:
         """The same path."""
         for item in items:
-            if isinstance(item, Chain):
+            if isinstance(item, ContinuousPath):
                 parts_of = lines_along(item)
-                lines = zip(item.stretches, parts_of, strict=True)
-                self._parts.update((id(stretch), (stretch, parts)) for stretch, parts in lines)
+                lines = zip(item.segments, parts_of, strict=True)
+                self._parts.update((id(segment), (segment, parts)) for segment, parts in lines)
                 if item.optional_stops:
                     ends = (part for parts in parts_of for part in parts if part.order in item.optional_stops)
                     self._optional.update((part.order, part.line) for part in ends)
@@ -95,18 +95,18 @@ class Passing:
         times = [_times(span) for span in spans]
         places = along_each([span.law for span in spans], times)[0].tolist()
         for span, of in zip(spans, times, strict=True):
-            stretch, parts = self._of(course.stretches[span.stretch])
+            segment, parts = self._of(course.segments[span.segment])
             here = slice(first, first := first + len(of))
             took_s = span.to_s - span.from_s
             if not self.marks or now_s + took_s >= self.marks[-1][1] + self._apart_s:
                 for s, at_s in zip(places[here], of.tolist(), strict=True):
                     part, fraction = part_at(parts, s)
-                    self._mark(place_of(stretch.name, part.order, fraction, s), now_s + at_s - span.from_s)
+                    self._mark(place_of(segment.name, part.order, fraction, s), now_s + at_s - span.from_s)
             now_s += took_s + span.stands_s
 
-    def _of(self, stretch: Stretch) -> tuple[Stretch, tuple[LinePart, ...]]:
+    def _of(self, segment: Segment) -> tuple[Segment, tuple[LinePart, ...]]:
         """What lies behind it is forgotten."""
-        while (first := next(iter(self._parts))) != id(stretch):
+        while (first := next(iter(self._parts))) != id(segment):
             del self._parts[first]
         return self._parts[first]
 

@@ -28,9 +28,9 @@ from controller.geometry.curves import Even, Line
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine
 from controller.motion.motions import JointMove, SurfaceCut, ToolLine, ToolSpline
-from controller.plan.path.path import joints_along
 from controller.plan.report.works import work_of
-from controller.plan.stretch import Chain, Pause, Stretch
+from controller.plan.rotaries.branch import joints_along
+from controller.plan.segment import ContinuousPath, PathItem, Segment
 from controller.program.program import Act
 
 Whole = NDArray[np.int64]
@@ -114,22 +114,22 @@ class Picture:
     _last: tuple[Joints, float | None] | None = None  # where the path has come to, with which length
     _length_mm: float | None = None  # of the tool in the spindle, as far as the path has told
 
-    def watched(self, items: Iterable[Chain | Pause]) -> Iterator[Chain | Pause]:
+    def watched(self, items: Iterable[PathItem]) -> Iterator[PathItem]:
         """The same path; what it looks like is noted as it is read."""
         for item in items:
-            if isinstance(item, Chain):
+            if isinstance(item, ContinuousPath):
                 self.take(item)
             elif item.act is Act.TOOL:
                 tool = item.modal.tool_in(self.machine)
                 self._length_mm = tool.length_mm if tool is not None else self._length_mm
             yield item
 
-    def take(self, chain: Chain) -> None:
+    def take(self, chain: ContinuousPath) -> None:
         """The next chain of the path."""
         if chain.first_id is not None:
             self._motion = chain.first_id
-        for stretch in chain.stretches:
-            self._stretch(stretch)
+        for segment in chain.segments:
+            self._segment(segment)
             self._motion += 1
             if self._waiting > self.most:
                 self._gather()
@@ -151,39 +151,39 @@ class Picture:
 
     # ---- points
 
-    def _stretch(self, stretch: Stretch) -> None:
-        motion = stretch.motion
+    def _segment(self, segment: Segment) -> None:
+        motion = segment.motion
         length_mm: float | None = getattr(motion, "length_mm", None)
         if length_mm is not None and getattr(motion, "tips", True):  # rows of positions of the axes know none
             self._length_mm = length_mm
         elif self._length_mm is None:
             first = self.machine.tool(self.machine.in_spindle)
             self._length_mm = first.length_mm if first is not None else 0.0
-        kind = KINDS.get(work_of(stretch), FEED)
-        joints, lines = self._joints(stretch)
+        kind = KINDS.get(work_of(segment), FEED)
+        joints, lines = self._joints(segment)
         if self._last == (
-            stretch.start,
+            segment.start,
             self._length_mm,
         ):  # it is there already, as the end of what led to it
             joints, lines = joints[1:], lines[1:]
-        self._last = stretch.end, self._length_mm
+        self._last = segment.end, self._length_mm
         self._new.append((joints, self._length_mm or 0.0, kind, self._motion, lines))
         self._waiting += len(joints)
-        if stretch.cut:
-            self._surface(stretch.cut)
+        if segment.cut:
+            self._surface(segment.cut)
 
-    def _joints(self, stretch: Stretch) -> tuple[Array, Whole]:
+    def _joints(self, segment: Segment) -> tuple[Array, Whole]:
         """Joints (n, axes) at so many places that nothing that bends is missed; the lines of the ways."""
-        n, motion, line = _places(stretch), stretch.motion, stretch.place.line
+        n, motion, line = _places(segment), segment.motion, segment.place.line
         if n <= 2:
-            return np.array([stretch.start, stretch.end]), np.array([line, line])
+            return np.array([segment.start, segment.end]), np.array([line, line])
         s = np.linspace(0.0, motion.end, min(n, MAX_PER_STRETCH))
         lines = np.full(len(s), line)
         if isinstance(motion, ToolSpline):
             begins = np.clip(motion.lines_s[: len(motion.lines)], 0.0, motion.end)
             s = np.unique(np.concatenate([s, begins]))
             lines = np.array(motion.lines)[np.clip(np.searchsorted(begins, s) - 1, 0, None)]
-        joints = np.concatenate([[stretch.start], joints_along(stretch, s, self.kinematics), [stretch.end]])
+        joints = np.concatenate([[segment.start], joints_along(segment, s, self.kinematics), [segment.end]])
         return joints, np.concatenate([lines[:1], lines, lines[-1:]])
 
     def _gather(self) -> None:
@@ -233,9 +233,9 @@ class Picture:
         return found if len(found) <= most else [found[i] for i in _spread(len(found), most)]
 
 
-def _places(stretch: Stretch) -> int:
+def _places(segment: Segment) -> int:
     """How many points show a motion: two where its tip goes straight on."""
-    motion = stretch.motion
+    motion = segment.motion
     if isinstance(motion, ToolLine):
         return 2
     if isinstance(motion, JointMove) and not isinstance(motion.curve, Even):

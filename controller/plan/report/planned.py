@@ -33,9 +33,8 @@ from controller.plan.look_ahead import (
     Units,
     Windows,
 )
-from controller.plan.path.path import Chain, Pause
 from controller.plan.planner import RETRY_S
-from controller.plan.stretch import Stretch
+from controller.plan.segment import PathItem, Pause, Segment
 from controller.plan.track import Track
 
 SIGHT = 2.0 * WHOLE_SHARE  # times a window of motion at the feed: none looks as far ahead
@@ -56,7 +55,7 @@ class Planned(NamedTuple):
     spans: list[Span]  # of the course
 
 
-def planned(items: Iterable[Chain | Pause], machine: Machine, kinematics: Kinematics) -> Iterator[Planned]:
+def planned(items: Iterable[PathItem], machine: Machine, kinematics: Kinematics) -> Iterator[Planned]:
     """The planner's own windows over a whole path, each up to where the next one replaces it.
 
     Raises ProgramError where the path is refused on the way.
@@ -72,7 +71,7 @@ def planned(items: Iterable[Chain | Pause], machine: Machine, kinematics: Kinema
 class _Track(Track):
     """A track on which nobody will go up over the part."""
 
-    def _note_top(self, what: Stretch | Pause) -> None:
+    def _note_top(self, what: Segment | Pause) -> None:
         pass
 
 
@@ -133,11 +132,11 @@ class _Windows(Windows):
         self._many = FIRST_ROW if row is None else min(max(2 * len(row.spans), FIRST_ROW), MAX_ROW)
         return super().from_rest(track, place, start_s, orders, soon) if row is None else row
 
-    def _straights(self, track: Units, first: int, orders: Orders) -> list[Stretch]:
+    def _straights(self, track: Units, first: int, orders: Orders) -> list[Segment]:
         """Those that follow each other from a unit on."""
-        found: list[Stretch] = []
+        found: list[Segment] = []
         while len(found) < self._many and (unit := track.at(first + len(found))) is not None:
-            what = unit.stretch
+            what = unit.segment
             if what is None or not unit.rests or unit.begin > 0.0 or unit.optional_stop:
                 break
             if not profile.is_straight(what, self._machine) or what.scale(*orders.shares) <= 0.0:
@@ -145,9 +144,9 @@ class _Windows(Windows):
             found.append(what)
         return found
 
-    def _together(self, stretches: list[Stretch], first: int, start_s: float, orders: Orders) -> Row | None:
+    def _together(self, segments: list[Segment], first: int, start_s: float, orders: Orders) -> Row | None:
         """Those before the first that takes more than one window; None: there are none."""
-        course, spans, end_s = Rests(stretches, self._machine, self._kinematics, *orders.scales), [], start_s
+        course, spans, end_s = Rests(segments, self._machine, self._kinematics, *orders.scales), [], start_s
         for k, law in enumerate(profile.straights(course)):
             if law.duration_s > WHOLE_SHARE * FIRST_S:
                 break
@@ -184,12 +183,12 @@ def _planned(track: Track, sent: Sent) -> Planned:
 
 
 class _Rolling:
-    """Rolls even windows on; of the last stretch it knows where more than the feed counts."""
+    """Rolls even windows on; of the last segment it knows where more than the feed counts."""
 
     def __init__(self, machine: Machine, kinematics: Kinematics, orders: Orders) -> None:
         self._machine, self._kinematics, self._scales = machine, kinematics, orders.scales
         self._stops = orders.stop_inside
-        self._stretch: Stretch | None = None
+        self._segment: Segment | None = None
         self._tight = np.empty(0)  # places of it where anything but its feed holds the speed
         self._sight_s = 0.0  # from anywhere on it
 
@@ -201,11 +200,11 @@ class _Rolling:
         speed = _even_speed(sent.profile, step_s)
         s = sent.profile.at(step_s).s
         first, k = sent.course.index(np.array([sent.profile.start_s, s]))
-        stretch = sent.course.stretches[k]
-        if first != k or speed is None or stretch.feed_mm_s is None:
+        segment = sent.course.segments[k]
+        if first != k or speed is None or segment.feed_mm_s is None:
             return None
         base = float(sent.course.starts[k])
-        ahead_s = (self._until(stretch, s - base, speed) - (s - base)) / speed
+        ahead_s = (self._until(segment, s - base, speed) - (s - base)) / speed
         count = math.floor((ahead_s - self._sight_s) / step_s)
         if count < FEWEST:
             return None
@@ -215,13 +214,13 @@ class _Rolling:
         rolled = replace(sent, start_s=sent.seam_s, end_s=end_s, seam_s=end_s, pieces=())
         return replace(rolled, profile=even, laws=even.laws(sent.course))
 
-    def _until(self, stretch: Stretch, s: float, speed: float) -> float:
-        """The first place of a stretch behind ``s`` at which anything but a feed of ``speed`` counts."""
-        if stretch is not self._stretch:
-            course = FeedCourse([stretch], self._machine, self._kinematics, *self._scales)
+    def _until(self, segment: Segment, s: float, speed: float) -> float:
+        """The first place of a segment behind ``s`` at which anything but a feed of ``speed`` counts."""
+        if segment is not self._segment:
+            course = FeedCourse([segment], self._machine, self._kinematics, *self._scales)
             found = mesh.survey(mesh.Parts.of(course, s, course.length))
             tight = (found.allowed < cruise.MARGIN_RATIO * found.feed) | (found.feed != speed)
-            self._stretch, self._tight = stretch, np.append(found.s[tight], course.length)
+            self._segment, self._tight = segment, np.append(found.s[tight], course.length)
             self._sight_s = SIGHT * pace.window_s(WINDOW_S, pace.takes_s(course, s)[1])
         return float(self._tight[np.searchsorted(self._tight, s)])
 

@@ -24,7 +24,7 @@ from controller.motion.motions import Rotaries
 from controller.plan import timetable
 from controller.plan.report.passing import Mark
 from controller.plan.report.verdict import Verdict
-from controller.plan.stretch import Note
+from controller.plan.segment import Note
 from controller.plan.surfaces.placements import Recipe
 from controller.plan.timetable import Event
 from controller.program.program import Place

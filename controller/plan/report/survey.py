@@ -26,13 +26,14 @@ from controller.plan.feed import binding
 from controller.plan.feed.binding import Span
 from controller.plan.feed.course import FeedCourse
 from controller.plan.feed.law import along
-from controller.plan.path.path import Chain, Pause, Stretch, joints_along
 from controller.plan.report import moments, works
 from controller.plan.report.passing import Passing
 from controller.plan.report.planned import Planned, planned
 from controller.plan.report.tally import Bound, Part, Tally, bounds
 from controller.plan.report.tool_use import Hole, Places, ToolUse, ToolUses
 from controller.plan.restart.program_position import BESIDE
+from controller.plan.rotaries.branch import joints_along
+from controller.plan.segment import PathItem, Pause, Segment
 from controller.plan.surfaces import rates
 from controller.plan.waits import laid
 from controller.program.carried import InForce
@@ -133,7 +134,7 @@ class Survey:
 
 
 def survey(
-    items: Iterable[Chain | Pause],
+    items: Iterable[PathItem],
     machine: Machine,
     kinematics: Kinematics,
     tell: Callable[[BlockUse], None] = lambda _: None,
@@ -170,10 +171,10 @@ class _Open:
     what: str = ""
     parts: dict[str, Tally] = field(default_factory=dict)
 
-    def tally(self, stretch: Stretch) -> Tally:
-        """Where a stretch counts: ways before the block's own motion are its approach."""
-        if stretch.cutting or stretch.name not in BESIDE:
-            name, self.what = "own", stretch.hole or self.what or works.kind_of(stretch)
+    def tally(self, segment: Segment) -> Tally:
+        """Where a segment counts: ways before the block's own motion are its approach."""
+        if segment.cutting or segment.name not in BESIDE:
+            name, self.what = "own", segment.hole or self.what or works.kind_of(segment)
         else:
             name = "departure" if "own" in self.parts else "approach"
         return self.parts.setdefault(name, Tally(self.machine))
@@ -241,7 +242,7 @@ class _Look:
         for row in moments.rows(course, spans, self._limits):
             self._moments(course, row, setpoints)
         for span in spans:
-            cut = course.stretches[span.stretch].cut
+            cut = course.segments[span.segment].cut
             if cut is not None and cut is not self._last_cut:
                 self._cuts.append(cut.end)
                 self._last_cut = cut
@@ -275,9 +276,9 @@ class _Look:
 
     # ---- blocks
 
-    def _of(self, stretch: Stretch) -> Tally:
-        lines = stretch.lines
-        return self._block(lines[0], lines[-1], len(lines)).tally(stretch)
+    def _of(self, segment: Segment) -> Tally:
+        lines = segment.lines
+        return self._block(lines[0], lines[-1], len(lines)).tally(segment)
 
     def _block(self, first: int, last: int, lines: int) -> _Open:
         """The open block if these lines are its own, or a new one."""
@@ -311,20 +312,20 @@ class _Look:
         rate = course.tip_rate(motion.s, motion.index)
         sums, places = moments.Sums(row, motion, found, ratio, rate, feed), []
         for k, (span, n) in enumerate(row):
-            stretch = course.stretches[span.stretch]
-            tally, work, windows = self._of(stretch), works.work_of(stretch), sums.windows[k]
+            segment = course.segments[span.segment]
+            tally, work, windows = self._of(segment), works.work_of(segment), sums.windows[k]
             tally.moments(sums.seconds[k], sums.fastest[k], sums.feeds[k][1], sums.ratio[k])
             tally.windows(*windows)
-            length_mm = 0.0 if works.turns_alone(stretch) else sum(windows.ds)
+            length_mm = 0.0 if works.turns_alone(segment) else sum(windows.ds)
             took_s = sum(windows.dt)
             self._works(work, length_mm, took_s)
-            self._tool_uses.take(stretch, work, took_s, length_mm, sums.feeds[k])
+            self._tool_uses.take(segment, work, took_s, length_mm, sums.feeds[k])
             here = slice(sums.first[k], sums.first[k] + n * motion.per_window)
             places.append(
-                Places(stretch, work, self._joints(stretch, motion.s[here] - course.zeros[span.stretch]))
+                Places(segment, work, self._joints(segment, motion.s[here] - course.zeros[span.segment]))
             )
             self._rest(tally, span.stands_s)
-            self._cut_time_s += (span.to_s - span.from_s) * stretch.cutting
+            self._cut_time_s += (span.to_s - span.from_s) * segment.cutting
         self._tool_uses.places(places)
         q = np.concatenate([one.joints for one in places])
         self._ends[0] = np.minimum(self._ends[0], q.min(axis=0))
@@ -343,17 +344,17 @@ class _Look:
             above = np.flatnonzero((here > 1.0).any(axis=(1, 2)))
             if len(above):
                 times = binding.middles(span, len(here))[above]
-                asked = np.minimum(here[above], setpoints.shares(span.stretch, times, self._limits))
+                asked = np.minimum(here[above], setpoints.shares(span.segment, times, self._limits))
                 here[above] = np.where(here[above] > 1.0, asked, here[above])
         return ratio
 
-    def _joints(self, stretch: Stretch, s: Array) -> Array:
+    def _joints(self, segment: Segment, s: Array) -> Array:
         """Where the axes are at the places ``s``, and at both ends of the motion, (N, axes)."""
-        ends = [stretch.start, stretch.end]
-        if stretch.is_straight:
+        ends = [segment.start, segment.end]
+        if segment.is_straight:
             return np.array(ends)  # nowhere beyond them
-        s = np.clip(s[:: max(1, len(s) // 400)], 0.0, stretch.motion.end)
-        return np.concatenate([joints_along(stretch, s, self._kinematics), ends])
+        s = np.clip(s[:: max(1, len(s) // 400)], 0.0, segment.motion.end)
+        return np.concatenate([joints_along(segment, s, self._kinematics), ends])
 
     def _uses(self) -> tuple[JointUse, ...]:
         if not np.isfinite(self._ends).all():
@@ -370,7 +371,7 @@ def _line(sent: Planned) -> int:
     """The last line of the program in it."""
     if sent.pause is not None:
         return sent.pause.place.line
-    return sent.course.stretches[sent.spans[-1].stretch].lines[-1] if sent.course and sent.spans else 0
+    return sent.course.segments[sent.spans[-1].segment].lines[-1] if sent.course and sent.spans else 0
 
 
 def _word(act: Act) -> str:
@@ -402,23 +403,23 @@ class Setpoints:
         self._course, self._spans = course, spans
         lasts = itertools.accumulate((one.to_s - one.from_s + one.stands_s for one in spans), initial=0.0)
         self._begins = np.array([*lasts][:-1])
-        self._clocks = {one.stretch: t - one.from_s for one, t in zip(spans, self._begins, strict=True)}
+        self._clocks = {one.segment: t - one.from_s for one, t in zip(spans, self._begins, strict=True)}
 
-    def shares(self, stretch: int, law_s: Array, limits: Array) -> Array:
-        """Shares (N, axes, 3) of ``limits`` (axes, 3) at the times ``law_s`` (N,) of a stretch's law."""
+    def shares(self, segment: int, law_s: Array, limits: Array) -> Array:
+        """Shares (N, axes, 3) of ``limits`` (axes, 3) at the times ``law_s`` (N,) of a segment's law."""
         T = self._course.machine.period_s
-        t = self._clocks[stretch] + law_s[:, None] + T * np.array(STEPS)
+        t = self._clocks[segment] + law_s[:, None] + T * np.array(STEPS)
         q = self._joints(t.ravel()).reshape(*t.shape, -1)
         found = np.abs(np.einsum("kp,npa->nak", DIFFERENCES, q)) / T ** np.arange(1.0, 4.0)
         return np.asarray(found / limits)
 
     def _joints(self, t: Array) -> Array:
-        """(N, axes). Before the window and after it the law goes on, but not beyond its stretch."""
+        """(N, axes). Before the window and after it the law goes on, but not beyond its segment."""
         course, k = self._course, np.clip(np.searchsorted(self._begins, t, side="right") - 1, 0, None)
         q = np.empty((len(t), len(course.machine.axes)))
         for one in np.unique(k).tolist():
             span, here = self._spans[one], k == one
-            stretch = course.stretches[span.stretch]
+            segment = course.segments[span.segment]
             s = along(span.law, t[here] - self._begins[one] + span.from_s)[0]
-            q[here] = joints_along(stretch, np.clip(s, 0.0, stretch.motion.end), course.kinematics)
+            q[here] = joints_along(segment, np.clip(s, 0.0, segment.motion.end), course.kinematics)
         return q

@@ -18,7 +18,7 @@ from controller.geometry.arrays import Array
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import OFFSETS, Machine
 from controller.plan.report.works import CUTS, HOLES
-from controller.plan.stretch import Stretch
+from controller.plan.segment import Segment
 from controller.program.carried import InForce
 from controller.program.codes import CYCLES
 from controller.program.modal import State, power_on
@@ -107,7 +107,7 @@ class _Sums:
 class Places(NamedTuple):
     """Where a part of a motion leads: joints (N, axes); start and end of the motion are the last two."""
 
-    stretch: Stretch
+    segment: Segment
     work: str
     joints: Array
 
@@ -135,10 +135,10 @@ class ToolUses:
         return tuple(self._holes), self._hole_count
 
     def take(
-        self, stretch: Stretch, work: str, took_s: float, length_mm: float, feeds: tuple[float, float]
+        self, segment: Segment, work: str, took_s: float, length_mm: float, feeds: tuple[float, float]
     ) -> None:
         """A part of a motion: seconds, millimetres of the tip, lowest and highest programmed feed in mm/s."""
-        modal = self._state(stretch).modal
+        modal = self._state(segment).modal
         sums = self._sums(modal.tool)
         if work == "rapid":
             sums.rapid_s += took_s
@@ -150,47 +150,47 @@ class ToolUses:
 
     def places(self, parts: Sequence[Places]) -> None:
         """Where those parts lead."""
-        known = [(k, part, self._state(part.stretch)) for k, part in enumerate(parts) if part.work in CUTS]
+        known = [(k, part, self._state(part.segment)) for k, part in enumerate(parts) if part.work in CUTS]
 
         def alike(one: tuple[int, Places, State]) -> tuple[int, bool, int]:
             """What is looked at together; holes are not."""
             k, part, state = one
-            return id(state.modal), part.stretch.cutting, k if part.work in HOLES else -1
+            return id(state.modal), part.segment.cutting, k if part.work in HOLES else -1
 
         for _, run in itertools.groupby(known, alike):
             (_, part, state), *others = run
             joints = np.concatenate([part.joints, *(other.joints for _, other, _ in others)])
-            places = self._in_program(joints, part.stretch, state.modal)
+            places = self._in_program(joints, part.segment, state.modal)
             self._sums(state.modal.tool).z.take(float(places[:, 2].min()), float(places[:, 2].max()))
             if part.work in HOLES:
-                self._hole(part.stretch, state, places)
+                self._hole(part.segment, state, places)
 
     def _sums(self, tool: int) -> _Sums:
         if tool not in self._tools:
             self._tools[tool] = _Sums()
         return self._tools[tool]
 
-    def _state(self, stretch: Stretch) -> State:
-        return self._in_force.at(stretch.place.order) or POWER_ON
+    def _state(self, segment: Segment) -> State:
+        return self._in_force.at(segment.place.order) or POWER_ON
 
-    def _in_program(self, joints: Array, stretch: Stretch, modal: Modal) -> Array:
+    def _in_program(self, joints: Array, segment: Segment, modal: Modal) -> Array:
         """Places (N, 3) in the program's coordinates."""
         frame = modal.frame(self._machine)
-        if modal.tip is Tip.OFF and not modal.tilted and not stretch.cutting:
+        if modal.tip is Tip.OFF and not modal.tilted and not segment.cutting:
             places = joints[:, self._linear] - (0.0, 0.0, modal.length_mm)
         else:
-            tool = modal.tool_in(self._machine) if stretch.cutting else None
+            tool = modal.tool_in(self._machine) if segment.cutting else None
             length_mm = modal.length_mm if tool is None else tool.length_mm
             tip = self._kinematics.forward([*joints.T], length_mm, np).tip
             places = np.stack([np.broadcast_to(c, (len(joints),)) for c in tip], axis=1)
         return np.asarray((places - frame.origin) @ np.array([frame.x, frame.y, frame.z]).T)
 
-    def _hole(self, stretch: Stretch, state: State, places: Array) -> None:
+    def _hole(self, segment: Segment, state: State, places: Array) -> None:
         """One more hole, or one more stroke of the last one."""
         first, second, normal = PLANES[state.modal.plane]
         x, y, z = map(float, places[-2])
         place, heights = (x, y, z), places[:, normal]
-        last = self._last_hole if self._order == stretch.place.order else None
+        last = self._last_hole if self._order == segment.place.order else None
         if last is not None and all(abs(last.place[i] - place[i]) < SAME_MM for i in (first, second)):
             heights, place = np.append(heights, last.end), last.place
         else:
@@ -198,8 +198,8 @@ class ToolUses:
         end = float(heights[np.argmax(np.abs(heights - place[normal]))])
         cycle = state.motion if state.motion in CYCLES else "G33.1"
         shown = cycle, OFFSETS[state.modal.offset], state.modal.plane
-        self._last_hole = Hole(stretch.place.line, state.modal.tool, *shown, place, end)
-        self._order = stretch.place.order
+        self._last_hole = Hole(segment.place.line, state.modal.tool, *shown, place, end)
+        self._order = segment.place.order
 
     def _list_hole(self) -> None:
         """The last hole is done."""

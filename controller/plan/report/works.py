@@ -8,7 +8,7 @@ from controller.geometry.vectors import norm, subtract
 from controller.motion.motions import JointMove
 from controller.plan.path.outputs import PROBE
 from controller.plan.restart.program_position import BESIDE
-from controller.plan.stretch import STANDS_MM, Stretch
+from controller.plan.segment import STANDS_MM, Segment
 
 # On surfaces, along lines and arcs, down and up holes of cycles, and beside threads.
 CUTS = ("surface", "mill", "drill", "tap", "thread")
@@ -17,29 +17,29 @@ WORKS = (*CUTS, "rapid")
 OTHER = ""  # ways of the controller at feed, probing, and turns of rotaries alone at feed
 
 
-def work_of(stretch: Stretch) -> str:
+def work_of(segment: Segment) -> str:
     """One of WORKS, or OTHER."""
-    if stretch.cutting:
+    if segment.cutting:
         return "surface"
-    if stretch.name == PROBE:
+    if segment.name == PROBE:
         return OTHER
-    if stretch.feed_mm_s is None:
+    if segment.feed_mm_s is None:
         return "rapid"
-    if stretch.name in BESIDE or turns_alone(stretch):
+    if segment.name in BESIDE or turns_alone(segment):
         return OTHER
-    return stretch.hole or "mill"
+    return segment.hole or "mill"
 
 
-def kind_of(stretch: Stretch) -> str:
+def kind_of(segment: Segment) -> str:
     """The kind of a block by a motion of its own: 'cone', 'surface', 'drill', 'rapid', 'line', 'arc', ..."""
-    if (cut := stretch.cut) is not None:
+    if (cut := segment.cut) is not None:
         return "cone" if isinstance(cut.surface.nominal, Cone) else "surface"
-    if stretch.feed_mm_s is None and stretch.name == "line":
+    if segment.feed_mm_s is None and segment.name == "line":
         return "rapid"
-    return stretch.hole or stretch.name
+    return segment.hole or segment.name
 
 
-def turns_alone(stretch: Stretch) -> bool:
+def turns_alone(segment: Segment) -> bool:
     """Whether only rotaries move."""
-    curve = stretch.motion.curve if isinstance(stretch.motion, JointMove) else None
+    curve = segment.motion.curve if isinstance(segment.motion, JointMove) else None
     return isinstance(curve, Line) and bool(norm(subtract(curve.end, curve.start)) < STANDS_MM)

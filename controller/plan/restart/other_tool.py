@@ -27,7 +27,7 @@ from controller.plan.path.path import PathBuilder
 from controller.plan.restart.reentry import NotPossible
 from controller.plan.restart.restart import Rest, Source
 from controller.plan.rotaries.branch import joints_along
-from controller.plan.stretch import Stretch
+from controller.plan.segment import Segment
 from controller.program.program import Block, JointArc, JointCurve, JointLine, JointMotion, Modal, TipLine
 
 DEEPER_MM = 0.01  # by which another tool may cut deeper than the one before
@@ -250,7 +250,7 @@ def cut_deeper(source: Source, tool: Tool, thicker_mm: float, deeper_mm: float, 
 
     ``now``: its pose (mm, table frame) before it moves.
     """
-    made = [_along(stretch, beside, source, tool.length_mm) for stretch, beside in _fed(source, tool.number)]
+    made = [_along(segment, beside, source, tool.length_mm) for segment, beside in _fed(source, tool.number)]
     if not made:
         return Found(None, None)
     fed = Samples(*(np.concatenate(parts) for parts in zip(*made, strict=True)))
@@ -299,7 +299,7 @@ def _deepest(
     return worst, standing
 
 
-def _fed(source: Source, tool: int) -> Iterator[tuple[Stretch, float]]:
+def _fed(source: Source, tool: int) -> Iterator[tuple[Segment, float]]:
     """Motions at feed with that tool, and how far beside the contour they are; of none of its leads."""
     modals = dict[int, Modal]()
 
@@ -313,24 +313,24 @@ def _fed(source: Source, tool: int) -> Iterator[tuple[Stretch, float]]:
     tracer = PathBuilder(source.name, machine, source.kinematics, source.start, source.chosen or {})
     before = 0
     for item in tracer.items(read()):
-        for stretch in item.stretches:
-            modal = modals.get(stretch.order_at(stretch.motion.end))
-            if modal is None or modal.tool != tool or stretch.feed_mm_s is None:
+        for segment in item.segments:
+            modal = modals.get(segment.order_at(segment.motion.end))
+            if modal is None or modal.tool != tool or segment.feed_mm_s is None:
                 before = 0
                 continue
-            leads_in = modal.beside_mm != 0.0 and before in (0, stretch.place.order)
-            before = (stretch.place.order if leads_in else -1) if modal.beside_mm else 0
-            yield stretch, 0.0 if leads_in else modal.beside_mm
+            leads_in = modal.beside_mm != 0.0 and before in (0, segment.place.order)
+            before = (segment.place.order if leads_in else -1) if modal.beside_mm else 0
+            yield segment, 0.0 if leads_in else modal.beside_mm
 
 
-def _along(stretch: Stretch, beside_mm: float, source: Source, length_mm: float) -> Samples:
-    count = 2 + math.ceil(stretch.motion.end / SPACING_MM)
-    s = np.linspace(0.0, stretch.motion.end, count)
-    joints = joints_along(stretch, s, source.kinematics)
+def _along(segment: Segment, beside_mm: float, source: Source, length_mm: float) -> Samples:
+    count = 2 + math.ceil(segment.motion.end / SPACING_MM)
+    s = np.linspace(0.0, segment.motion.end, count)
+    joints = joints_along(segment, s, source.kinematics)
     pose = source.kinematics.forward(tuple(joints.T), length_mm, np)
     tips, axes = (rows(vector, (count,)).T for vector in pose)
     left = np.cross(axes, np.gradient(tips, axis=0))
     size = np.linalg.norm(left, axis=1, keepdims=True)
     left = np.where(size > 0.0, left / np.where(size > 0.0, size, 1.0), 0.0)
-    lines = np.array([stretch.line_at(one) for one in s.tolist()])
+    lines = np.array([segment.line_at(one) for one in s.tolist()])
     return Samples(tips, axes, left, np.full(count, beside_mm), lines)

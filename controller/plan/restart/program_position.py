@@ -10,7 +10,7 @@ from bisect import bisect_left, bisect_right
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
-from controller.plan.stretch import Chain, Stretch
+from controller.plan.segment import ContinuousPath, Segment
 
 # What stands beside the blocks of a program: to a surface and off it, and turns between two.
 BESIDE = frozenset(
@@ -35,9 +35,9 @@ class Spot(NamedTuple):
     s: float = 0.0
 
 
-def fraction_at(chain: Chain, index: int, s: float) -> float:
-    """The fraction of its line that is done at ``s`` of the chain's stretch ``index``."""
-    order = chain.stretches[index].order_at(s)
+def fraction_at(chain: ContinuousPath, index: int, s: float) -> float:
+    """The fraction of its line that is done at ``s`` of the chain's segment ``index``."""
+    order = chain.segments[index].order_at(s)
     done = whole = 0.0
     for k, low, high in _spans(chain, order):
         whole += high - low
@@ -61,19 +61,19 @@ def part_at(parts: Sequence[LinePart], s: float) -> tuple[LinePart, float]:
     return part, min(1.0, max(0.0, part.fraction + (s - part.from_s) * part.per_s))
 
 
-def lines_along(chain: Chain, begun: float = 0.0) -> list[tuple[LinePart, ...]]:
-    """Of each stretch of a chain, in the order of s: what ``line_at`` and ``fraction_at`` say of it.
+def lines_along(chain: ContinuousPath, begun: float = 0.0) -> list[tuple[LinePart, ...]]:
+    """Of each segment of a chain, in the order of s: what ``line_at`` and ``fraction_at`` say of it.
 
     ``begun``: of a chain that is the rest of another, the fraction of its first line at ``chain.from_s``.
     """
-    spans = [list(_parts(stretch)) for stretch in chain.stretches]
+    spans = [list(_parts(segment)) for segment in chain.segments]
     whole: dict[int, float] = {}
-    for stretch, parts in zip(chain.stretches, spans, strict=True):
-        if stretch.name not in BESIDE:
+    for segment, parts in zip(chain.segments, spans, strict=True):
+        if segment.name not in BESIDE:
             for order, _, low, high in parts:
                 whole[order] = whole.get(order, 0.0) + high - low
     done: dict[int, float] = {}
-    first = chain.stretches[0].order_at(chain.from_s)
+    first = chain.segments[0].order_at(chain.from_s)
     if begun >= 1.0:
         done[first] = whole[first] = 1.0
     elif begun > 0.0 and first in whole:
@@ -83,33 +83,33 @@ def lines_along(chain: Chain, begun: float = 0.0) -> list[tuple[LinePart, ...]]:
         done[first] = (whole[first] - passed) / (1.0 - begun) - whole[first]
         whole[first] += done[first]
     return [
-        tuple(_line_part(stretch, part, done, whole) for part in parts)
-        for stretch, parts in zip(chain.stretches, spans, strict=True)
+        tuple(_line_part(segment, part, done, whole) for part in parts)
+        for segment, parts in zip(chain.segments, spans, strict=True)
     ]
 
 
 def _line_part(
-    stretch: Stretch, part: tuple[int, int, float, float], done: dict[int, float], whole: dict[int, float]
+    segment: Segment, part: tuple[int, int, float, float], done: dict[int, float], whole: dict[int, float]
 ) -> LinePart:
     """Counts what is done of the part's line."""
     order, line, low, high = part
     length, before = whole.get(order, 0.0), done.get(order, 0.0)
     fraction = before / length if length > 0.0 else 0.0
-    if stretch.name in BESIDE:
-        return LinePart(low, line, 1.0 if stretch.name == "lift" else fraction, 0.0, order)
+    if segment.name in BESIDE:
+        return LinePart(low, line, 1.0 if segment.name == "lift" else fraction, 0.0, order)
     done[order] = before + high - low
     return LinePart(low, line, fraction, 1.0 / length if length > 0.0 else 0.0, order)
 
 
-def _parts(stretch: Stretch) -> Iterator[tuple[int, int, float, float]]:
-    """(order, line, from s, to s) of each line of a stretch."""
-    lines = stretch.lines
-    begins = [max(0.0, s) for s in stretch.lines_s[: len(lines)]]
-    ends = [*begins[1:], stretch.motion.end]
-    yield from zip(stretch.line_orders, lines, begins, ends, strict=True)
+def _parts(segment: Segment) -> Iterator[tuple[int, int, float, float]]:
+    """(order, line, from s, to s) of each line of a segment."""
+    lines = segment.lines
+    begins = [max(0.0, s) for s in segment.lines_s[: len(lines)]]
+    ends = [*begins[1:], segment.motion.end]
+    yield from zip(segment.line_orders, lines, begins, ends, strict=True)
 
 
-def place_in(chain: Chain, line: int, fraction: float) -> tuple[int, float] | None:
+def place_in(chain: ContinuousPath, line: int, fraction: float) -> tuple[int, float] | None:
     """(index, s) of a fraction of a line, the first time that it runs; None where the chain has nothing of
     the line itself."""
     spans = list(_spans(chain, _first_order(chain, line)))
@@ -121,22 +121,22 @@ def place_in(chain: Chain, line: int, fraction: float) -> tuple[int, float] | No
     return None
 
 
-def _first_order(chain: Chain, line: int) -> int:
+def _first_order(chain: ContinuousPath, line: int) -> int:
     """``Place.order`` of a line, the first time that it runs in a chain."""
     if not chain.place.step:
         return line
-    for stretch in chain.stretches:
-        if line in stretch.lines:
-            return stretch.line_orders[stretch.lines.index(line)]
+    for segment in chain.segments:
+        if line in segment.lines:
+            return segment.line_orders[segment.lines.index(line)]
     return -1
 
 
-def _spans(chain: Chain, order: int) -> Iterator[tuple[int, float, float]]:
+def _spans(chain: ContinuousPath, order: int) -> Iterator[tuple[int, float, float]]:
     """(index, from s, to s) of all that a line itself asks for."""
-    for k, stretch in enumerate(chain.stretches):
-        if stretch.name in BESIDE:
+    for k, segment in enumerate(chain.segments):
+        if segment.name in BESIDE:
             continue
-        orders, begins = stretch.line_orders, stretch.lines_s
+        orders, begins = segment.line_orders, segment.lines_s
         low, high = bisect_left(orders, order), bisect_right(orders, order)
         if low < high:
-            yield k, max(begins[low], 0.0), begins[high] if high < len(begins) else stretch.motion.end
+            yield k, max(begins[low], 0.0), begins[high] if high < len(begins) else segment.motion.end

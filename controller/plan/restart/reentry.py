@@ -26,7 +26,7 @@ from controller.machine.model import Joints, Machine, Tool
 from controller.messages import Message, message, text
 from controller.motion.motions import SurfaceCut
 from controller.plan.rotaries.branch import joints_along
-from controller.plan.stretch import Stretch, joints_of, rotaries_of, straight, xyz_of
+from controller.plan.segment import Segment, joints_of, rotaries_of, straight, xyz_of
 from controller.plan.surfaces import audit, links
 from controller.plan.surfaces.cuts import edge
 from controller.plan.surfaces.leads import LEADS, End
@@ -77,25 +77,25 @@ class Reentry:
 
     waits: Joints
     s: float
-    ways: tuple[Stretch, ...] = ()
+    ways: tuple[Segment, ...] = ()
     joins: bool = False
     allowed_mm: float = 0.0
 
 
-def joints_at(stretch: Stretch, s: float, kinematics: Kinematics) -> Joints:
-    """The joints at a place of a stretch, on the branch and in the turns of the program's own path."""
-    steps = max(2, round(s / FOLLOW_MM)) if isinstance(stretch.motion, SurfaceCut) else 2
-    row = joints_along(stretch, np.linspace(0.0, s, steps), kinematics)[-1]
+def joints_at(segment: Segment, s: float, kinematics: Kinematics) -> Joints:
+    """The joints at a place of a segment, on the branch and in the turns of the program's own path."""
+    steps = max(2, round(s / FOLLOW_MM)) if isinstance(segment.motion, SurfaceCut) else 2
+    row = joints_along(segment, np.linspace(0.0, s, steps), kinematics)[-1]
     near = tuple(map(float, row))
-    exact = stretch.motion.joints(s, rotaries_of(near, kinematics), kinematics)
+    exact = segment.motion.joints(s, rotaries_of(near, kinematics), kinematics)
     return exact if exact is not None else near
 
 
-def begins_at(stretch: Stretch, s: float) -> float | None:
-    """Where a stretch is gone on with that was left at ``s``; None: it is passed over."""
-    if stretch.name in PASSED:
+def begins_at(segment: Segment, s: float) -> float | None:
+    """Where a segment is gone on with that was left at ``s``; None: it is passed over."""
+    if segment.name in PASSED:
         return None
-    return 0.0 if stretch.name in BEGUN_AGAIN else s
+    return 0.0 if segment.name in BEGUN_AGAIN else s
 
 
 def apart(one: Joints, other: Joints, kinematics: Kinematics) -> float:
@@ -106,13 +106,13 @@ def apart(one: Joints, other: Joints, kinematics: Kinematics) -> float:
 # ---- onto the path -----------------------------------------------------------------
 
 
-def is_free(stretch: Stretch) -> bool:
+def is_free(segment: Segment) -> bool:
     """Whether a motion leads beside the part, or onto it only at its end."""
-    return stretch.feed_mm_s is None or stretch.name in FREE or stretch.name in BEGUN_AGAIN
+    return segment.feed_mm_s is None or segment.name in FREE or segment.name in BEGUN_AGAIN
 
 
 @dataclass(frozen=True, slots=True)
-class Entrance:
+class WayOnto:
     """Lays ways onto a path, with what is fitted on a machine."""
 
     machine: Machine
@@ -134,31 +134,31 @@ class Entrance:
             where = {"tool": tool.number, "depth": stands.depth_mm, "line": stands.line}
             raise NotPossible(message("aside.stands", **where))
 
-    def enter(self, stretch: Stretch, s: float, clear_mm: float) -> Reentry:
-        """The way onto a stretch at ``s``. Raises NotPossible.
+    def enter(self, segment: Segment, s: float, clear_mm: float) -> Reentry:
+        """The way onto a segment at ``s``. Raises NotPossible.
 
         ``clear_mm``: along the tool axis, from where on it is above the part.
         """
-        joints = joints_at(stretch, s, self.kinematics)
-        if is_free(stretch):
+        joints = joints_at(segment, s, self.kinematics)
+        if is_free(segment):
             return Reentry(joints, s)
-        if isinstance(stretch.motion, SurfaceCut):
-            return self._beside_a_surface(stretch, stretch.motion, s, joints)
-        return self._over_a_line(stretch, s, joints, clear_mm)
+        if isinstance(segment.motion, SurfaceCut):
+            return self._beside_a_surface(segment, segment.motion, s, joints)
+        return self._over_a_line(segment, s, joints, clear_mm)
 
     def enter_pause(self, joints: Joints, place: Place, clear_mm: float) -> Reentry:
         """The way to a place where the program stands, in contact perhaps."""
         waits = self._above(joints, clear_mm)
         return Reentry(waits, 0.0, self._down(waits, joints, place, TURNING_MM_S))
 
-    def _beside_a_surface(self, stretch: Stretch, cut: SurfaceCut, s: float, joints: Joints) -> Reentry:
+    def _beside_a_surface(self, segment: Segment, cut: SurfaceCut, s: float, joints: Joints) -> Reentry:
         """By a lead that joins the cut; where none stays off walls, by a line that rests at the ruling."""
         tool, walls, kin = self.fitted.tool, self.fitted.walls, self.kinematics
-        end = End.at(stretch, s, joints, edge(cut, cut.arc.u_at(s)), self._off_mm, cut.length_mm, True, kin)
+        end = End.at(segment, s, joints, edge(cut, cut.arc.u_at(s)), self._off_mm, cut.length_mm, True, kin)
         allowed_mm = most_mm = 0.0
         if tool is not None:
             near = np.clip(s + BESIDE_MM * np.linspace(-1.0, 1.0, 17), 0.0, cut.end)
-            allowed_mm = max(0.0, walls.deepest(stretch, near, tool, kin).depth_mm)
+            allowed_mm = max(0.0, walls.deepest(segment, near, tool, kin).depth_mm)
             most_mm = allowed_mm + max(MORE_MM, MORE * allowed_mm)
         for lead in end.joined(self.machine):
             if self._lets(lead, most_mm):
@@ -166,9 +166,9 @@ class Entrance:
         off = end.straight_off()
         if off is not None and self._lets(off, most_mm):
             return Reentry(off.start, s, (off,), False, most_mm)
-        raise NotPossible(message("aside.no_lead", line=stretch.line_at(s)))
+        raise NotPossible(message("aside.no_lead", line=segment.line_at(s)))
 
-    def _lets(self, lead: Stretch, most_mm: float) -> bool:
+    def _lets(self, lead: Segment, most_mm: float) -> bool:
         """Whether a lead stays in travel, off walls but where it meets its cut, and begins clear of them."""
         s = np.linspace(0.0, lead.motion.end, audit.TURN_POSES)
         tool, walls, kin = self.fitted.tool, self.fitted.walls, self.kinematics
@@ -180,18 +180,18 @@ class Entrance:
             walls.deepest(lead, s, tool, kin).depth_mm <= most_mm and walls.at(lead.start, tool, kin).is_clear
         )
 
-    def _over_a_line(self, stretch: Stretch, s: float, joints: Joints, clear_mm: float) -> Reentry:
+    def _over_a_line(self, segment: Segment, s: float, joints: Joints, clear_mm: float) -> Reentry:
         """Down along the tool axis, the end of it a lead along what the line has cut, as far as that goes."""
-        kin, feed_mm_s = self.kinematics, _feed(stretch, s)
-        length_mm = getattr(stretch.motion, "length_mm", 0.0)
+        kin, feed_mm_s = self.kinematics, _feed(segment, s)
+        length_mm = getattr(segment.motion, "length_mm", 0.0)
         axis = kin.forward(joints, length_mm).axis
-        end = End.at(stretch, s, joints, axis, self._off_mm, length_mm, True, kin)
+        end = End.at(segment, s, joints, axis, self._off_mm, length_mm, True, kin)
         most = _along_the_cut(end, s)
         is_long = most * end.tip_rate >= SHORTEST_MM
         lead = next(replace(end, most=most).joined(self.machine), None) if is_long else None
         into = joints if lead is None else lead.start
         waits = self._above(into, clear_mm)
-        down = self._down(waits, into, stretch.place, feed_mm_s)
+        down = self._down(waits, into, segment.place, feed_mm_s)
         if lead is None:
             return Reentry(waits, s, down)
         return Reentry(waits, s, (*down, lead), True)
@@ -201,7 +201,7 @@ class Entrance:
         room_mm = room_along_axis(joints, self.machine, self.kinematics)
         return along_axis(joints, min(clear_mm, room_mm), self.kinematics)
 
-    def _down(self, waits: Joints, joints: Joints, place: Place, feed_mm_s: float) -> tuple[Stretch, ...]:
+    def _down(self, waits: Joints, joints: Joints, place: Place, feed_mm_s: float) -> tuple[Segment, ...]:
         """Along the tool axis, the last of it at feed."""
         kin, off_mm = self.kinematics, max(self.machine.lead_mm, OFF_MM)
         near = along_axis(joints, off_mm, kin) if apart(waits, joints, kin) > off_mm else waits
@@ -220,12 +220,12 @@ def _along_the_cut(end: End, s: float) -> float:
     return min(s, math.sqrt(2.0 * ASIDE_MM / (bend + 1e-12)))
 
 
-def _feed(stretch: Stretch, s: float) -> float:
+def _feed(segment: Segment, s: float) -> float:
     """The feed (mm/s) of the way down to a place; where only rotaries move theirs tells nothing."""
-    curve = getattr(stretch.motion, "curve", None)
+    curve = getattr(segment.motion, "curve", None)
     if curve is not None and norm(tuple(np.subtract(curve.at(1.0), curve.at(0.0)))) < 1e-6:
         return TURNING_MM_S
-    return min(RETRACT_MM_S, float(stretch.feed_at(np.array([s]))[0]))
+    return min(RETRACT_MM_S, float(segment.feed_at(np.array([s]))[0]))
 
 
 # ---- along the tool axis -------------------------------------------------------------

@@ -29,9 +29,9 @@ from controller.plan.restart.program_position import (
     fraction_at,
     place_in,
 )
-from controller.plan.restart.reentry import Entrance, Fitted, begins_at, joints_at
+from controller.plan.restart.reentry import Fitted, WayOnto, begins_at, joints_at
 from controller.plan.restart.tops import Tops
-from controller.plan.stretch import Chain, Pause
+from controller.plan.segment import ContinuousPath, PathItem, Pause
 from controller.plan.surfaces.walls import NONE, Walls
 from controller.program import modal
 from controller.program.modal import State
@@ -87,21 +87,21 @@ class Rest:
     spot: Spot
     target: entry.Target
     what: str  # 'cut', 'line', 'arc' ... or 'pause'
-    items: Iterator[Chain | Pause]  # without an entry and without clamps
+    items: Iterator[PathItem]  # without an entry and without clamps
     source: Source
     order: int = 0  # ``Place.order`` of the line
 
-    def entered(self, now: Joints, in_spindle: int) -> Iterator[Chain | Pause]:
+    def entered(self, now: Joints, in_spindle: int) -> Iterator[PathItem]:
         """All of the path: from the joints ``now`` to the place, and the rest. Raises ProgramError."""
         here = self.source
-        entrance = Entrance(here.machine, here.kinematics, here.fitted(self.target.modal))
+        entrance = WayOnto(here.machine, here.kinematics, here.fitted(self.target.modal))
         way = entry.enter(self.target, now, in_spindle, entrance, here.name)
         first = self._first_line() if here.machine.changer is not None else []
         return self.opened(itertools.chain(named(way, ENTRY_ID), first, self.items))
 
-    def _first_line(self) -> list[Chain | Pause]:
+    def _first_line(self) -> list[PathItem]:
         """What is left of the line. Raises ProgramError in the middle of a tool change."""
-        first: list[Chain | Pause] = []
+        first: list[PathItem] = []
         for item in self.items:
             first.append(item)
             if isinstance(item, Pause) and item.changing is not None:
@@ -112,7 +112,7 @@ class Rest:
                 break
         return first
 
-    def opened(self, items: Iterable[Chain | Pause]) -> Iterator[Chain | Pause]:
+    def opened(self, items: Iterable[PathItem]) -> Iterator[PathItem]:
         """With the clamps opened where their axes move, and stopped where the operator is to do something."""
         modal = self.target.modal
         changed = tool_changes.stopped(items, self.source.machine, modal.tool, modal)
@@ -131,13 +131,13 @@ def find(source: Source, spot: Spot) -> Rest:
     return _Search(source.dry(), spot).rest()
 
 
-def named(items: Iterable[Chain | Pause], first_id: int) -> list[Chain | Pause]:
+def named(items: Iterable[PathItem], first_id: int) -> list[PathItem]:
     """The same path with its motions counted from ``first_id`` on."""
-    made: list[Chain | Pause] = []
+    made: list[PathItem] = []
     for item in items:
-        if isinstance(item, Chain):
+        if isinstance(item, ContinuousPath):
             made.append(replace(item, first_id=first_id))
-            first_id += len(item.stretches)
+            first_id += len(item.segments)
         else:
             made.append(item)
     return made
@@ -212,10 +212,10 @@ class _Search:
         if self._spot.motion_id in (FORMER, AFTER_CHANGE) and self._goes_back:
             raise self._none("restart.which_time")
 
-    def _pass(self, chain: Chain) -> None:
+    def _pass(self, chain: ContinuousPath) -> None:
         self._note_tops(chain)
-        self._count += len(chain.stretches)
-        self._stands = chain.stretches[-1].end
+        self._count += len(chain.segments)
+        self._stands = chain.segments[-1].end
         self._lines.forget(chain.place.order)
 
     # --- where
@@ -226,39 +226,39 @@ class _Search:
         here = line == self._spot.line if self._goes_back else line >= self._spot.line
         return here and self._spot.fraction == 0.0
 
-    def _in(self, chain: Chain) -> tuple[int, float] | None:
+    def _in(self, chain: ContinuousPath) -> tuple[int, float] | None:
         """(index, s) of the place if it is in this chain."""
         line, fraction, motion_id, s = self._spot
         if motion_id >= 0:
             k = motion_id - self._count
-            return (k, s) if 0 <= k < len(chain.stretches) else None
+            return (k, s) if 0 <= k < len(chain.segments) else None
         self._goes_back |= chain.place.step != 0
         if fraction > 0.0:
             found = place_in(chain, line, fraction)
-            if not self._goes_back and found is None and chain.stretches[0].line_at(0.0) > line:
+            if not self._goes_back and found is None and chain.segments[0].line_at(0.0) > line:
                 raise self._none("restart.moves_nothing")
             return found
         return self._first(chain, line)
 
-    def _first(self, chain: Chain, line: int) -> tuple[int, float] | None:
+    def _first(self, chain: ContinuousPath, line: int) -> tuple[int, float] | None:
         """Where the first motion of this line, or of one behind it, begins; of this line alone where lines
         are carried out in another order than they stand."""
         if self._goes_back:
             return self._first_of(chain, line)
-        for k, stretch in enumerate(chain.stretches):
-            if stretch.line_at(0.0) >= line:
+        for k, segment in enumerate(chain.segments):
+            if segment.line_at(0.0) >= line:
                 return k, 0.0
-            if stretch.line_at(stretch.motion.end) >= line:
+            if segment.line_at(segment.motion.end) >= line:
                 found = place_in(chain, line, 0.0)
-                return found if found is not None else (k, stretch.motion.end)
+                return found if found is not None else (k, segment.motion.end)
         return None
 
     @staticmethod
-    def _first_of(chain: Chain, line: int) -> tuple[int, float] | None:
-        for k, stretch in enumerate(chain.stretches):
-            if stretch.place.line == line:
+    def _first_of(chain: ContinuousPath, line: int) -> tuple[int, float] | None:
+        for k, segment in enumerate(chain.segments):
+            if segment.place.line == line:
                 return k, 0.0
-            if line in stretch.lines:
+            if line in segment.lines:
                 return place_in(chain, line, 0.0)
         return None
 
@@ -282,14 +282,14 @@ class _Search:
 
     # --- what is left from there
 
-    def _from(self, chain: Chain, k: int, s: float) -> Rest:
+    def _from(self, chain: ContinuousPath, k: int, s: float) -> Rest:
         """From inside a chain; over the end of rapids that the place is in, and of what cuts nothing."""
-        while chain.stretches[k].feed_mm_s is None or begins_at(chain.stretches[k], s) is None:
-            self._stands = chain.stretches[k].end
-            if k + 1 < len(chain.stretches):
+        while chain.segments[k].feed_mm_s is None or begins_at(chain.segments[k], s) is None:
+            self._stands = chain.segments[k].end
+            if k + 1 < len(chain.segments):
                 k, s = k + 1, 0.0
                 continue
-            self._count += len(chain.stretches)
+            self._count += len(chain.segments)
             after = next(self._items, None)
             if after is None:
                 raise self._none("restart.only_rapid")
@@ -297,20 +297,20 @@ class _Search:
                 return self._at_pause(after)
             chain, k, s = after, 0, 0.0
         self._note_tops(chain)
-        return self._on(chain, k, min(max(s, 0.0), chain.stretches[k].motion.end))
+        return self._on(chain, k, min(max(s, 0.0), chain.segments[k].motion.end))
 
-    def _on(self, chain: Chain, k: int, s: float) -> Rest:
-        stretch = chain.stretches[k]
-        s = begins_at(stretch, s) or 0.0
+    def _on(self, chain: ContinuousPath, k: int, s: float) -> Rest:
+        segment = chain.segments[k]
+        s = begins_at(segment, s) or 0.0
         self._check_known()
-        order = stretch.order_at(s)
+        order = segment.order_at(s)
         known = self._lines.at(order)
         state = known.moving or known.before
-        joints = joints_at(stretch, s, self._source.kinematics)
-        rest = replace(chain, stretches=chain.stretches[k:], from_s=s, first_id=self._count + k)
-        spot = Spot(stretch.line_at(s), fraction_at(chain, k, s), self._count + k, s)
-        target = entry.Target(joints, state, stretch.place, self._clear(joints, state), stretch, s)
-        return Rest(spot, target, stretch.name, _then(rest, self._items), self._source, order)
+        joints = joints_at(segment, s, self._source.kinematics)
+        rest = replace(chain, segments=chain.segments[k:], from_s=s, first_id=self._count + k)
+        spot = Spot(segment.line_at(s), fraction_at(chain, k, s), self._count + k, s)
+        target = entry.Target(joints, state, segment.place, self._clear(joints, state), segment, s)
+        return Rest(spot, target, segment.name, itertools.chain([rest], self._items), self._source, order)
 
     def _at_pause(self, pause: Pause, state: Modal | None = None) -> Rest:
         """``state``: in which it is entered; None: that before the line."""
@@ -319,7 +319,7 @@ class _Search:
         state = state or self._lines.at(pause.place.order).before
         clear = self._clear(self._stands, state)
         target = entry.Target(self._stands, state, pause.place, clear)
-        items = _counted(_then(pause, self._items), self._count)
+        items = _counted(itertools.chain([pause], self._items), self._count)
         return Rest(Spot(line, 0.0), target, "pause", items, self._source, pause.place.order)
 
     # --- how high
@@ -329,9 +329,9 @@ class _Search:
         tool = (known.moving or known.before).tool_in(self._source.machine)
         return tool.length_mm if tool is not None else 0.0
 
-    def _note_tops(self, chain: Chain) -> None:
-        for stretch in chain.stretches:
-            self._tops.note(stretch, self._length(stretch.place.order))
+    def _note_tops(self, chain: ContinuousPath) -> None:
+        for segment in chain.segments:
+            self._tops.note(segment, self._length(segment.place.order))
 
     def _clear(self, joints: Joints, state: Modal) -> float:
         machine = self._source.machine
@@ -340,20 +340,15 @@ class _Search:
         return max(0.0, self._tops.above(joints, length)) + machine.clearance_mm
 
 
-def _unclamped(items: Iterable[Chain | Pause]) -> Iterator[Chain | Pause]:
+def _unclamped(items: Iterable[PathItem]) -> Iterator[PathItem]:
     """Clamps are asked for anew on the way that is really gone."""
     return (item for item in items if not (isinstance(item, Pause) and item.act is Act.CLAMP))
 
 
-def _then(first: Chain | Pause, items: Iterator[Chain | Pause]) -> Iterator[Chain | Pause]:
-    yield first
-    yield from items
-
-
-def _counted(items: Iterator[Chain | Pause], first_id: int) -> Iterator[Chain | Pause]:
+def _counted(items: Iterator[PathItem], first_id: int) -> Iterator[PathItem]:
     """The first chain keeps its number in the whole program; the others are counted on."""
     for item in items:
-        if isinstance(item, Chain):
+        if isinstance(item, ContinuousPath):
             yield replace(item, first_id=first_id)
             break
         yield item

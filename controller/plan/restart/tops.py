@@ -9,7 +9,7 @@ from controller.geometry.vectors import Vector
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints
 from controller.plan.rotaries.branch import joints_along
-from controller.plan.stretch import Stretch
+from controller.plan.segment import Segment
 
 SIDE = 33  # samples along a motion
 MAX_POINTS = 20_000  # points
@@ -22,11 +22,11 @@ class Tops:
         self._kinematics = kinematics
         self._points: list[Vector] = []
 
-    def note(self, stretch: Stretch, length_mm: float) -> None:
+    def note(self, segment: Segment, length_mm: float) -> None:
         """What a motion cuts with a tool of that length."""
-        if stretch.feed_mm_s is None:
+        if segment.feed_mm_s is None:
             return
-        self._points += self._of(stretch, length_mm)
+        self._points += self._of(segment, length_mm)
         if len(self._points) > MAX_POINTS:
             self._points = _extremes(self._points)
 
@@ -39,15 +39,15 @@ class Tops:
         (x, y, z), (a, b, c) = self._kinematics.forward(joints, length_mm)
         return max((a * (p - x) + b * (q - y) + c * (r - z) for p, q, r in self._points), default=0.0)
 
-    def _of(self, stretch: Stretch, length_mm: float) -> list[Vector]:
+    def _of(self, segment: Segment, length_mm: float) -> list[Vector]:
         kinematics = self._kinematics
-        if (cut := stretch.cut) is not None:
+        if (cut := segment.cut) is not None:
             u = np.linspace(0.0, 1.0, SIDE)
             top, tip = cut.surface.point(u, 0.0 * u, np), cut.surface.contact(u, np)
             return [*_points(cut.part.to_parent(top)), *_points(cut.part.to_parent(tip))]
-        if stretch.name == "line":
-            return [kinematics.forward(joints, length_mm).tip for joints in (stretch.start, stretch.end)]
-        joints = joints_along(stretch, np.linspace(0.0, stretch.motion.end, SIDE), kinematics)
+        if segment.name == "line":
+            return [kinematics.forward(joints, length_mm).tip for joints in (segment.start, segment.end)]
+        joints = joints_along(segment, np.linspace(0.0, segment.motion.end, SIDE), kinematics)
         return _points(kinematics.forward(tuple(joints.T), length_mm, np).tip)
 
 

@@ -22,7 +22,7 @@ from controller.memory import remembered
 from controller.motion.motions import JointMove, Rotaries, SurfaceCut, ToolLine, ToolSpline
 from controller.plan.rotaries import tool_paths
 from controller.plan.rotaries.turns import JUMP_RAD, NAN, SAME_AXIS_RAD, TURN, wrapped
-from controller.plan.stretch import Stretch, rotaries_of
+from controller.plan.segment import Segment, rotaries_of
 
 REMEMBERED = 64  # cuts that are followed once: they are asked for again and again
 OFTEN, STILL_RAD = 65, 1e-15  # places at which an axis may not be further than this from where it begins
@@ -190,14 +190,14 @@ def _stacked(tip: Vector, first: Array, second: Array, cut: SurfaceCut, kinemati
     return columns(kinematics.arrange(values), len(first))
 
 
-def joints_along(stretch: Stretch, s: Array, kinematics: Kinematics) -> Array:
-    """Joints (N, axes) at the places ``s`` (N,) of a stretch, in the turns in which it begins.
+def joints_along(segment: Segment, s: Array, kinematics: Kinematics) -> Array:
+    """Joints (N, axes) at the places ``s`` (N,) of a segment, in the turns in which it begins.
 
     ``s`` is in the unit of the motion and in any order. Raises BranchLost where the
-    rotaries cannot follow, which ``path.trace`` has ruled out for its own stretches.
+    rotaries cannot follow, which ``path.trace`` has ruled out for its own segments.
     """
     s = np.atleast_1d(np.asarray(s, dtype=float))
-    motion = stretch.motion
+    motion = segment.motion
     if isinstance(motion, JointMove):
         return _along_move(motion, s, kinematics)
     if isinstance(motion, ToolLine):
@@ -205,20 +205,20 @@ def joints_along(stretch: Stretch, s: Array, kinematics: Kinematics) -> Array:
     if isinstance(motion, ToolSpline):
         return tool_paths.joints_along_spline(motion, s, kinematics)
     u = motion.arc.u_along(s)
-    return joints_on(motion, u, _rotaries_along(stretch, motion, u, kinematics), kinematics)
+    return joints_on(motion, u, _rotaries_along(segment, motion, u, kinematics), kinematics)
 
 
-def one_branch(stretch: Stretch, cut: SurfaceCut, kinematics: Kinematics) -> int | None:
+def one_branch(segment: Segment, cut: SurfaceCut, kinematics: Kinematics) -> int | None:
     """Which of ``kinematics.branches`` a cut is on from end to end; None where they change names.
 
     Raises BranchLost.
     """
-    return _followed(cut, rotaries_of(stretch.start, kinematics), kinematics).branch
+    return _followed(cut, rotaries_of(segment.start, kinematics), kinematics).branch
 
 
-def _rotaries_along(stretch: Stretch, cut: SurfaceCut, u: Array, kinematics: Kinematics) -> Array:
-    """Rotaries (N, 2) at parameters ``u`` (N,), in the turns in which the stretch begins."""
-    start = rotaries_of(stretch.start, kinematics)
+def _rotaries_along(segment: Segment, cut: SurfaceCut, u: Array, kinematics: Kinematics) -> Array:
+    """Rotaries (N, 2) at parameters ``u`` (N,), in the turns in which the segment begins."""
+    start = rotaries_of(segment.start, kinematics)
     kept = _followed(cut, start, kinematics)
     if kept.branch is not None:
         values = _solve(cut, kinematics, u).pairs[kept.branch]

@@ -178,9 +178,20 @@ def joints_along_spline(spline: ToolSpline, s: Array, kinematics: Kinematics) ->
     return columns(kinematics.arrange(values), len(s))
 
 
-def derivatives_of_spline(spline: ToolSpline, s: Array, kinematics: Kinematics) -> tuple[Array, Array, Array]:
-    """q', q'', q''' (N, axes) of the joints over s; at a knot those behind it."""
-    return derivatives_of_spans(*_spans(spline, s), spline.tips, spline.length_mm, kinematics)
+def derivatives_of_splines(
+    splines: Sequence[ToolSpline], s: Array, of: Index, kinematics: Kinematics
+) -> tuple[Array, Array, Array]:
+    """As ``derivatives_of_line`` for splines of one kind: ``s`` (N,) in the splines ``of`` (N,).
+
+    At a knot those after it.
+    """
+    c, h = np.empty((len(s), 5, 4)), np.empty((len(s), 1))
+    order = np.argsort(of, kind="stable")
+    ends = np.cumsum(np.bincount(of, minlength=len(splines))).tolist()
+    for spline, first, last in zip(splines, [0, *ends], ends, strict=False):
+        here = order[first:last]
+        c[here], h[here] = _spans(spline, s[here])
+    return derivatives_of_spans(c, h, splines[0].tips, splines[0].length_mm, kinematics)
 
 
 def derivatives_of_spans(

@@ -27,7 +27,15 @@ from controller.machine.model import Joints, Machine
 from controller.motion.motions import Rotaries, SurfaceCut
 from controller.plan.rotaries.branch import field, joints_on
 from controller.plan.rotaries.turns import SAME_ROTARY_RAD
-from controller.plan.stretch import Chain, Stretch, joints_of, rotaries_of, round_arc, straight, xyz_of
+from controller.plan.segment import (
+    ContinuousPath,
+    Segment,
+    joints_of,
+    rotaries_of,
+    round_arc,
+    straight,
+    xyz_of,
+)
 from controller.plan.surfaces import audit
 from controller.plan.surfaces.cuts import Edge, beside, turn
 from controller.plan.surfaces.leads import Lead
@@ -59,10 +67,10 @@ class _Stand:
     def joints(self, tip: Vector) -> Joints:
         return joints_of(self.xyz(tip), self.rotaries, self.kinematics)
 
-    def line(self, name: str, start: Vector, end: Vector, feed_mm_s: float | None) -> Stretch | None:
+    def line(self, name: str, start: Vector, end: Vector, feed_mm_s: float | None) -> Segment | None:
         return straight(name, self.place, self.joints(start), self.joints(end), feed_mm_s, self.kinematics)
 
-    def arc(self, name: str, centre: Vector, start: Vector, end: Vector, sweep_rad: float) -> Stretch:
+    def arc(self, name: str, centre: Vector, start: Vector, end: Vector, sweep_rad: float) -> Segment:
         """The arc about ``centre`` from one tip to another (table frame), at feed."""
         first, last = subtract(start, centre), subtract(end, centre)
         # What of the end is across the start: the radius vector a quarter turn ahead.
@@ -102,7 +110,7 @@ def above(stand: _Stand, lead: Lead, legs: Sequence[CutSegment], machine: Machin
 
 def arrive(
     legs: Sequence[CutSegment], onto: Lead, now: Joints, machine: Machine, kinematics: Kinematics
-) -> list[Chain]:
+) -> list[ContinuousPath]:
     """Chains from ``now`` to the start of the lead in."""
     leg = legs[0]
     stand = _Stand.at(leg, onto.rotaries, kinematics)
@@ -120,7 +128,9 @@ def arrive(
     )
 
 
-def depart(legs: Sequence[CutSegment], off: Lead, machine: Machine, kinematics: Kinematics) -> list[Chain]:
+def depart(
+    legs: Sequence[CutSegment], off: Lead, machine: Machine, kinematics: Kinematics
+) -> list[ContinuousPath]:
     """Chains from the end of the lead out to the retract height."""
     stand = _Stand.at(legs[-1], off.rotaries, kinematics)
     clear = above(stand, off, legs, machine, kinematics)
@@ -140,17 +150,17 @@ def at_height(joints: Joints, z_mm: float, kinematics: Kinematics) -> Joints:
     return kinematics.arrange((x, y, z_mm, *pair))
 
 
-def chains(*stretches: Stretch | None) -> list[Chain]:
-    """One chain for each stretch that moves."""
-    return [Chain((stretch,)) for stretch in stretches if stretch is not None]
+def chains(*segments: Segment | None) -> list[ContinuousPath]:
+    """One chain for each segment that moves."""
+    return [ContinuousPath((segment,)) for segment in segments if segment is not None]
 
 
 # ---- inside a train --------------------------------------------------------------
 
 
-def between(before: CutSegment, after: CutSegment, meeting: Meeting, kinematics: Kinematics) -> list[Stretch]:
+def between(before: CutSegment, after: CutSegment, meeting: Meeting, kinematics: Kinematics) -> list[Segment]:
     """What stands between two cuts of a train: a pivot about the shared ruling, a swivel at a pole."""
-    found: list[Stretch] = []
+    found: list[Segment] = []
     stand = _Stand.at(before, before.end, kinematics)
     reached = before.end
     if meeting is Meeting.PIVOT:
@@ -165,16 +175,16 @@ def between(before: CutSegment, after: CutSegment, meeting: Meeting, kinematics:
     return found
 
 
-def _turn(way: SurfaceCut, before: CutSegment, after: CutSegment, kinematics: Kinematics) -> Stretch:
+def _turn(way: SurfaceCut, before: CutSegment, after: CutSegment, kinematics: Kinematics) -> Segment:
     """As a pivot, and the tool axis tilts from one placement to the other."""
     found = field(way, kinematics)
     joints = joints_on(way, found.u, found.follow(before.end), kinematics)
     block = after.cut.block
     start, end = _tuple(joints[0]), _tuple(joints[-1])
-    return Stretch(way, block.place, block.feed_mm_s, False, start, end, True, "pivot")
+    return Segment(way, block.place, block.feed_mm_s, False, start, end, True, "pivot")
 
 
-def _pivot(stand: _Stand, before: Edge, after: Edge, leg: CutSegment) -> Stretch:
+def _pivot(stand: _Stand, before: Edge, after: Edge, leg: CutSegment) -> Segment:
     """The contact stands, the tip goes round it with the tool axis held."""
     first, last = subtract(before.tip, before.contact), subtract(after.tip, before.contact)
     angle = math.atan2(norm(cross(first, last)), dot(first, last))
@@ -184,7 +194,7 @@ def _pivot(stand: _Stand, before: Edge, after: Edge, leg: CutSegment) -> Stretch
     return turned.arc("pivot", before.contact, before.tip, after.tip, angle)
 
 
-def _swivel(a: Rotaries, after: CutSegment, kinematics: Kinematics) -> Stretch:
+def _swivel(a: Rotaries, after: CutSegment, kinematics: Kinematics) -> Segment:
     """At a pole two blocks may ask for different angles of the work's rotary: it turns, the pose stands.
 
     With the other rotary held, X Y Z follow the standing tip on a circle f(t); from

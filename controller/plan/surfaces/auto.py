@@ -20,7 +20,7 @@ from controller.geometry.surfaces import Surface
 from controller.machine.kinematics import Kinematics, kinematics_of
 from controller.machine.model import Machine
 from controller.plan.rotaries.branch import joints_along
-from controller.plan.stretch import Diagnostics, Stretch
+from controller.plan.segment import Diagnostics, Segment
 from controller.plan.surfaces import approach, blending, cuts, leads, placements, train
 from controller.plan.surfaces.cuts import Cut, Parts
 from controller.plan.surfaces.placing import CHOSEN_FROM, Grid, as_the_paper
@@ -114,15 +114,15 @@ def _beside(
     """Tips and axes (N, 3), part frame, of all but the cuts of a train: the turns between them, the leads."""
     legs = train.choose(members, machine, kinematics, (0.0, 0.0), voice)
     for before, after, meeting in zip(legs[:-1], legs[1:], meetings, strict=True):
-        for stretch in approach.between(before, after, meeting, kinematics):
-            yield _poses(stretch, TURNED, before.cut, kinematics)
+        for segment in approach.between(before, after, meeting, kinematics):
+            yield _poses(segment, TURNED, before.cut, kinematics)
     warned = replace(machine, gouge="warn")
     for at_start, share, cut in ((True, 1.0 - BESIDE, members[0]), (False, BESIDE, members[-1])):
-        for stretch in leads.lay(legs, at_start, warned, kinematics, voice).stretches:
-            yield _poses(stretch, share, cut, kinematics)
+        for segment in leads.lay(legs, at_start, warned, kinematics, voice).segments:
+            yield _poses(segment, share, cut, kinematics)
 
 
-def _poses(stretch: Stretch, share: Array, cut: Cut, kinematics: Kinematics) -> tuple[Array, Array]:
-    joints = joints_along(stretch, np.sort(share) * stretch.motion.end, kinematics)
+def _poses(segment: Segment, share: Array, cut: Cut, kinematics: Kinematics) -> tuple[Array, Array]:
+    joints = joints_along(segment, np.sort(share) * segment.motion.end, kinematics)
     pose, part = kinematics.forward([*joints.T], cut.motion.length_mm, np), cut.motion.part
     return columns(part.from_parent(pose.tip), len(joints)), columns(part.turn_back(pose.axis), len(joints))

@@ -14,7 +14,7 @@ from controller.machine.model import Joints, Machine
 from controller.motion.motions import Rotaries
 from controller.plan.rotaries import winding
 from controller.plan.rotaries.winding import Row, Turned, Way
-from controller.plan.stretch import Diagnostics, rotaries_of
+from controller.plan.segment import Diagnostics, rotaries_of
 from controller.plan.surfaces import auto, cuts, legs, train
 from controller.program.program import Aside, Block, CutBlock, JointMotion, ProgramError, TipLine
 

@@ -24,7 +24,7 @@ from controller.machine.model import Machine, Tool
 from controller.memory import remembered
 from controller.messages import Key, Message, message
 from controller.motion.motions import SurfaceCut
-from controller.plan.stretch import Diagnostics
+from controller.plan.segment import Diagnostics
 from controller.plan.surfaces import deviation
 from controller.plan.surfaces.placements import name_of
 from controller.plan.surfaces.placing import CHOSEN_FROM, Cutter, RequiredPlacement, Row, off_mm

@@ -30,7 +30,7 @@ from controller.machine.model import Joints, Machine, Tool
 from controller.messages import message
 from controller.motion.motions import Rotaries, ToolSpline
 from controller.plan.rotaries.branch import joints_along
-from controller.plan.stretch import Diagnostics, Stretch, joints_of, motion_named, rotaries_of, straight
+from controller.plan.segment import Diagnostics, Segment, joints_of, motion_named, rotaries_of, straight
 from controller.plan.surfaces import audit, rates
 from controller.plan.surfaces.cuts import Edge, beside, gouge, tolerance_mm
 from controller.plan.surfaces.legs import CutSegment
@@ -79,7 +79,7 @@ MIN_RATE = 0.2  # mm of the tip per mm of the contact: in a tight hollow the tip
 class Lead:
     """The way onto or off C1 at one end of a train, and how the tool stands at its outer end."""
 
-    stretches: tuple[Stretch, ...]
+    segments: tuple[Segment, ...]
     tip: Vector  # table frame
     axis: Vector
     rotaries: Rotaries
@@ -150,15 +150,15 @@ class End:
     @staticmethod
     def of(leg: CutSegment, at_start: bool, machine: Machine, kinematics: Kinematics) -> End:
         """That of a cut."""
-        stretch = leg.stretch
-        s, q = (0.0, stretch.start) if at_start else (stretch.motion.end, stretch.end)
+        segment = leg.segment
+        s, q = (0.0, segment.start) if at_start else (segment.motion.end, segment.end)
         edge = leg.cut.start if at_start else leg.cut.end
         off_mm, length_mm = _off_mm(leg, machine), leg.cut.motion.length_mm
-        return End.at(stretch, s, q, edge, off_mm, length_mm, at_start, kinematics)
+        return End.at(segment, s, q, edge, off_mm, length_mm, at_start, kinematics)
 
     @staticmethod
     def at(
-        stretch: Stretch,
+        segment: Segment,
         s: float,
         joints: Joints,
         edge: Edge | Vector,
@@ -168,7 +168,7 @@ class End:
         kinematics: Kinematics,
     ) -> End:
         """A place of any motion; ``joints``: there; ``edge``: of a cut, or which way is off the part."""
-        series = rates.joint_series(stretch, s, joints, kinematics)
+        series = rates.joint_series(segment, s, joints, kinematics)
         tip, axis = kinematics.forward(series, length_mm, jets)
         turns = kinematics.spread(series)[3:]
         rows = np.array([[jets.jet(one).derivative(k).item() for one in (*tip, *turns)] for k in range(3)])
@@ -179,8 +179,8 @@ class End:
             here = (edge.tip, edge.axis, edge.away)
         else:
             here = (*kinematics.forward(joints, length_mm), edge)
-        feed_mm_s = float(stretch.feed_at(np.array([s]))[0])
-        own = (stretch.place, joints, feed_mm_s, *here, off_mm, length_mm, at_start, kinematics)
+        feed_mm_s = float(segment.feed_at(np.array([s]))[0])
+        own = (segment.place, joints, feed_mm_s, *here, off_mm, length_mm, at_start, kinematics)
         return End(*own, rows, first, second, tilt)
 
     @property
@@ -192,7 +192,7 @@ class End:
         """Millimetres of the tip per mm of s."""
         return max(float(np.linalg.norm(self.rows[1, :3])), MIN_RATE)
 
-    def joined(self, machine: Machine) -> Iterator[Stretch]:
+    def joined(self, machine: Machine) -> Iterator[Segment]:
         """Leads that join the cut; none where it has no rate.
 
         The longest first; then those of each shorter ``lead_mm`` of ``SHORTER``, so that a longer one is
@@ -206,7 +206,7 @@ class End:
             if lead_mm < machine.lead_mm:
                 yield from self._shapes(lead_mm, min(self.off_mm, lead_mm), settling, machine)
 
-    def _shapes(self, lead_mm: float, off_mm: float, settling: float, machine: Machine) -> Iterator[Stretch]:
+    def _shapes(self, lead_mm: float, off_mm: float, settling: float, machine: Machine) -> Iterator[Segment]:
         """One of each of ``SHAPES``, no further off than ``off_mm``."""
         tip_rate = self.tip_rate
         most, feed = self._longest(), lead_feed(self.feed_mm_s, tip_rate, machine)
@@ -261,7 +261,7 @@ class End:
         dip_s = 2.0 * min(math.sqrt(2.0 * v / jerk), acceleration / jerk)
         return max(v * (DIPS * dip_s + TICKS * machine.period_s), MIN_MM)
 
-    def _lead(self, length: float, off_mm: float, feed_mm_s: float, settling: float, holds: float) -> Stretch:
+    def _lead(self, length: float, off_mm: float, feed_mm_s: float, settling: float, holds: float) -> Segment:
         """Cubics over ``length`` whose tip ends ``off_mm`` off the tangent; the cut's bend fades first.
 
         ``holds``: over this share of it, twice, the rotaries come to stand; 0: they turn on.
@@ -277,7 +277,7 @@ class End:
         outer = spline.joints(0.0 if self.at_start else length, self._rotaries, self.kinematics)
         assert outer is not None
         ends = (outer, self.joints) if self.at_start else (self.joints, outer)
-        made = Stretch(spline, self.place, self.feed_mm_s, False, *ends, True, self.name)
+        made = Segment(spline, self.place, self.feed_mm_s, False, *ends, True, self.name)
         return self._fed(made, feed_mm_s, settling)
 
     def _spans(self, x: Array, off_mm: float, holds: bool) -> list[Array]:
@@ -305,7 +305,7 @@ class End:
         by_turn = 2.0 * FADING_RAD / (turn * length + 1e-12)
         return min(max(min(by_tip, by_turn), 0.01 * length), 0.9 * length)
 
-    def _fed(self, lead: Stretch, feed_mm_s: float, settling: float) -> Stretch:
+    def _fed(self, lead: Segment, feed_mm_s: float, settling: float) -> Segment:
         """At ``feed_mm_s``, and beside the ruling at the cut's own."""
         own, length = self.feed_mm_s, lead.motion.end
         if settling >= length or feed_mm_s <= own:
@@ -317,7 +317,7 @@ class End:
             steps, own_s = ((0.0, own), (at, feed_mm_s)), (0.0, at)
         return replace(lead, feed_mm_s=steps[0][1], feed_steps=steps, turning=(own_s,))
 
-    def feed_share(self, lead: Stretch, machine: Machine) -> float:
+    def feed_share(self, lead: Segment, machine: Machine) -> float:
         """About what share of its feed the contact has at the ruling with this lead.
 
         The lead may be too short for it, or itself slower where rotaries are to come to stand soon.
@@ -328,7 +328,7 @@ class End:
         allowed = rates.derivatives(lead, s, self.kinematics).even_speed(*rates.limits(machine).T)
         return min(1.0, float(allowed.min()) / speed, math.pow(lead.motion.end / ramp, 2.0 / 3.0))
 
-    def straight_off(self) -> Stretch | None:
+    def straight_off(self) -> Segment | None:
         """A line off the path with the tool axis held: the machine rests at that place."""
         rotaries = self._rotaries
         xyz = self.kinematics.linear(beside(self.tip, (self.away, self.off_mm)), rotaries, self.length_mm)
@@ -340,14 +340,14 @@ class End:
     def _rotaries(self) -> Rotaries:
         return rotaries_of(self.joints, self.kinematics)
 
-    def standing(self, stretches: tuple[Stretch, ...]) -> Lead:
-        return Lead(stretches, self.tip, self.axis, self._rotaries)
+    def standing(self, segments: tuple[Segment, ...]) -> Lead:
+        return Lead(segments, self.tip, self.axis, self._rotaries)
 
-    def led(self, stretch: Stretch) -> Lead:
-        """The way of one stretch."""
-        outer = stretch.start if self.at_start else stretch.end
+    def led(self, segment: Segment) -> Lead:
+        """The way of one segment."""
+        outer = segment.start if self.at_start else segment.end
         pose = self.kinematics.forward(outer, self.length_mm)
-        return Lead((stretch,), pose.tip, pose.axis, rotaries_of(outer, self.kinematics))
+        return Lead((segment,), pose.tip, pose.axis, rotaries_of(outer, self.kinematics))
 
 
 def spline_of(knots: Array, cubics: Array, length_mm: float, line: int) -> ToolSpline:
@@ -401,16 +401,16 @@ class Room:
         more = max(CLEAR_MM, more)
         return Room(cut.tool, points, allowed, more, max(more, most), machine, kinematics)
 
-    def lets(self, one: Stretch) -> bool:
+    def lets(self, one: Segment) -> bool:
         """Whether it stays in travel and hardly reaches deeper than the cut."""
         return self._reached_in_travel(one) <= self.more_mm
 
-    def best(self, leads: Iterator[Stretch], kept: Callable[[Stretch], float]) -> Stretch | None:
+    def best(self, leads: Iterator[Segment], kept: Callable[[Segment], float]) -> Segment | None:
         """The first that keeps the feed and hardly reaches deeper than the cut.
 
         Where there is none: within bounds the least deep of those that keep it, or nearly the most of it.
         """
-        tried = list[tuple[float, float, Stretch]]()
+        tried = list[tuple[float, float, Segment]]()
         for one in leads:
             reached = self._reached_in_travel(one)
             if reached > self.most_mm:
@@ -423,17 +423,17 @@ class Room:
         enough = most if most >= KEPT else NEARLY * most
         return min((one for one in tried if one[0] >= enough), key=itemgetter(1))[2] if tried else None
 
-    def reached(self, lead: Stretch) -> float:
+    def reached(self, lead: Segment) -> float:
         """How much deeper (mm) a lead gets into the surfaces than the cut does beside it."""
         return self._reached(self._along(lead)[1])
 
-    def _reached_in_travel(self, lead: Stretch) -> float:
+    def _reached_in_travel(self, lead: Segment) -> float:
         """Likewise; infinite where it leaves an axis' travel."""
         s, joints = self._along(lead)
         outside = audit.outside(self.machine, s, joints) is not None
         return math.inf if outside else self._reached(joints)
 
-    def _along(self, lead: Stretch) -> tuple[Array, Array]:
+    def _along(self, lead: Segment) -> tuple[Array, Array]:
         """Where it is looked at, and the joints (N, axes) there."""
         s = np.linspace(0.0, lead.motion.end, POSES)
         return s, joints_along(lead, s, self.kinematics)

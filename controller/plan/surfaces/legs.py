@@ -18,7 +18,7 @@ from controller.motion.motions import Rotaries
 from controller.plan.rotaries.branch import BranchLost, Field, field, joints_on
 from controller.plan.rotaries.turns import wrapped
 from controller.plan.rotaries.winding import Way
-from controller.plan.stretch import Diagnostics, Stretch
+from controller.plan.segment import Diagnostics, Segment
 from controller.plan.surfaces import audit, rates
 from controller.plan.surfaces.cuts import Cut, turn
 from controller.program.program import ProgramError
@@ -46,12 +46,12 @@ class CutSegment:
         return float(self.rotaries[-1, 0]), float(self.rotaries[-1, 1])
 
     @property
-    def stretch(self) -> Stretch:
+    def segment(self) -> Segment:
         """The cut itself."""
         block = self.cut.block
         start, end = tuple(self.joints[0].tolist()), tuple(self.joints[-1].tolist())
         named = (block.place, block.feed_mm_s, True, start, end, True, "cut")
-        return Stretch(self.cut.motion, *named, share=self.cut.part)
+        return Segment(self.cut.motion, *named, share=self.cut.part)
 
     @property
     def ends(self) -> CutSegment:
@@ -133,10 +133,10 @@ def _cut_s(legs: Sequence[CutSegment], machine: Machine, kinematics: Kinematics)
     velocity, acceleration, jerk = rates.limits(machine).T
     speeds, gains, ways = list[float](), list[float](), list[float]()
     for leg in legs:
-        stretch = leg.stretch
-        s = np.linspace(0.0, stretch.motion.end, PLACES)
-        d = rates.derivatives(stretch, s, kinematics)
-        most = np.minimum(stretch.feed_at(s), d.even_speed(velocity, acceleration, jerk))
+        segment = leg.segment
+        s = np.linspace(0.0, segment.motion.end, PLACES)
+        d = rates.derivatives(segment, s, kinematics)
+        most = np.minimum(segment.feed_at(s), d.even_speed(velocity, acceleration, jerk))
         speeds += most.tolist()
         gains += (acceleration / (np.abs(d.first) + TINY)).min(axis=1).tolist()
         ways += [0.0, *np.diff(s).tolist()]

@@ -28,7 +28,7 @@ from controller.machine.model import Joints, Machine
 from controller.messages import Key, Message, message
 from controller.motion.motions import ROW, SurfaceCut, ToolSpline
 from controller.plan.rotaries.branch import joints_along
-from controller.plan.stretch import Diagnostics, Stretch, rotaries_of
+from controller.plan.segment import Diagnostics, Segment, rotaries_of
 from controller.plan.surfaces import audit, rates
 from controller.plan.surfaces.blending import (
     CLEAR_OF_POLE,
@@ -48,7 +48,7 @@ from controller.plan.surfaces.links import cubics
 from controller.plan.surfaces.train import choose
 from controller.program.program import Modal, ProgramError
 
-Follow = Callable[[SurfaceCut], Stretch | None]
+Follow = Callable[[SurfaceCut], Segment | None]
 
 SHORTER = 0.75  # each blend that is tried is so much shorter than the one before
 LOOKED, OF_PATH = 25, 97  # places of the blend on either side, and of the programmed path
@@ -60,12 +60,12 @@ ROUNDING = Rounding.of(0.0594)
 class Blended(NamedTuple):
     """A row and a cut that run through, and what it costs."""
 
-    row: Stretch
-    cut: Stretch
+    row: Segment
+    cut: Segment
     reach_mm: float
     deviates_mm: float
 
-    def message(self, name: str, before: Stretch) -> Message:
+    def message(self, name: str, before: Segment) -> Message:
         """The message that it runs on from the block before, called by the text of ``name``."""
         costs = {"reach": self.reach_mm, "um": 1000.0 * self.deviates_mm}
         return message("row.runs_on", name=Key(name), line=_last_line(before), **costs)
@@ -74,36 +74,36 @@ class Blended(NamedTuple):
 class Entered(NamedTuple):
     """A row that leads over into a train, and the train's cuts as they are followed then."""
 
-    row: Stretch
+    row: Segment
     legs: list[CutSegment]
 
 
-def _last_line(stretch: Stretch) -> int:
-    motion = stretch.motion
-    return motion.lines[-1] if isinstance(motion, ToolSpline) else stretch.place.line
+def _last_line(segment: Segment) -> int:
+    motion = segment.motion
+    return motion.lines[-1] if isinstance(motion, ToolSpline) else segment.place.line
 
 
 def onto(
-    row: Stretch,
+    row: Segment,
     modal: Modal,
     members: Sequence[Cut],
     machine: Machine,
     kinematics: Kinematics,
     voice: Diagnostics,
 ) -> Entered | None:
-    """The last stretch of a row and the train that it leads to; None where they do not meet so."""
+    """The last segment of a row and the train that it leads to; None where they do not meet so."""
     first, legs = members[0], list[CutSegment]()
     meeting, near = _meeting(row, modal, first, False, machine, kinematics), rotaries_of(row.end, kinematics)
     if meeting is None:
         return None
 
-    def follow(motion: SurfaceCut) -> Stretch | None:
+    def follow(motion: SurfaceCut) -> Segment | None:
         led = replace(first, motion=motion, start=edge(motion, 0.0))
         try:
             legs[:] = choose((led, *members[1:]), machine, kinematics, near, voice, near, meeting.turn_rad)
         except ProgramError:  # it may be cut from where an approach leads
             return None
-        return legs[0].stretch
+        return legs[0].segment
 
     found = meeting.blended(follow)
     if found is None:
@@ -114,14 +114,14 @@ def onto(
 
 def off(
     legs: Sequence[CutSegment],
-    run: Sequence[Stretch],
-    row: Stretch,
+    run: Sequence[Segment],
+    row: Segment,
     modal: Modal,
     machine: Machine,
     kinematics: Kinematics,
     voice: Diagnostics,
 ) -> Blended | None:
-    """The last cut of a train and the first stretch of the row that begins at its end, led over."""
+    """The last cut of a train and the first segment of the row that begins at its end, led over."""
     found = _left(legs, run, row, modal, machine, kinematics)
     if found is not None:
         voice.tell(row.place, found.message("row.the_block", run[-1]))
@@ -130,8 +130,8 @@ def off(
 
 def departs(
     legs: Sequence[CutSegment],
-    run: Sequence[Stretch],
-    row: Sequence[Stretch],
+    run: Sequence[Segment],
+    row: Sequence[Segment],
     modal: Modal,
     machine: Machine,
     kinematics: Kinematics,
@@ -153,13 +153,13 @@ def departs(
 
 def _left(
     legs: Sequence[CutSegment],
-    run: Sequence[Stretch],
-    row: Stretch,
+    run: Sequence[Segment],
+    row: Segment,
     modal: Modal,
     machine: Machine,
     kinematics: Kinematics,
 ) -> Blended | None:
-    def follow(motion: SurfaceCut) -> Stretch | None:
+    def follow(motion: SurfaceCut) -> Segment | None:
         end = motion.joints(motion.end, rotaries_of(run[-1].end, kinematics), kinematics)
         return replace(run[-1], motion=motion, end=end) if end is not None else None
 
@@ -168,7 +168,7 @@ def _left(
 
 
 def _meeting(
-    row: Stretch, modal: Modal, cut: Cut, leaves: bool, machine: Machine, kinematics: Kinematics
+    row: Segment, modal: Modal, cut: Cut, leaves: bool, machine: Machine, kinematics: Kinematics
 ) -> Meeting | None:
     """None where they are not one path: another tool, exact stops, or another place."""
     own = cut.block.modal
@@ -212,7 +212,7 @@ def _off(points: Array, way: Array) -> float:
 class Meeting:
     """The end of a row and the start of a cut or, where it ``leaves``, the end of a cut and a row's start."""
 
-    row: Stretch
+    row: Segment
     cut: Cut
     leaves: bool
     allowed: Tolerance
@@ -329,9 +329,9 @@ class Meeting:
         tip, axis = self.kinematics.forward(joints, self.cut.motion.length_mm, series)
         return _rows((*part.from_parent(tip), *part.turn_back(axis)))
 
-    def _spline_rows(self, stretch: Stretch, s: float, joints: Joints) -> Array:
-        """What the row's spline is made of, at ``s`` of a stretch with two derivatives: (3, 5)."""
-        found = rates.joint_series(stretch, s, joints, self.kinematics)
+    def _spline_rows(self, segment: Segment, s: float, joints: Joints) -> Array:
+        """What the row's spline is made of, at ``s`` of a segment with two derivatives: (3, 5)."""
+        found = rates.joint_series(segment, s, joints, self.kinematics)
         x, y, z, *turns = self.kinematics.spread(found)
         if self._spline.tips:
             x, y, z = self.kinematics.forward(found, self._spline.length_mm, series).tip
@@ -344,7 +344,7 @@ class Meeting:
         assert found is not None
         return s, found
 
-    def _led(self, cut: Stretch, reach: float) -> Stretch | None:
+    def _led(self, cut: Segment, reach: float) -> Segment | None:
         """The row with cubics for its ``reach`` (mm of the tip) beside the cut; None out of travel."""
         joint, end = (cut.end, cut.motion.end) if self.leaves else (cut.start, 0.0)
         turned = zip(*(rotaries_of(q, self.kinematics) for q in (joint, self._joints)), strict=True)
@@ -361,7 +361,7 @@ class Meeting:
         led = replace(led, start=joint) if self.leaves else replace(led, end=joint)
         return led if self._in_travel(led, length) else None
 
-    def _tip_rate(self, cut: Stretch, s: float, joints: Joints) -> float:
+    def _tip_rate(self, cut: Segment, s: float, joints: Joints) -> float:
         found = rates.joint_series(cut, s, joints, self.kinematics)
         tip = self.kinematics.forward(found, self.cut.motion.length_mm, series).tip
         return float(np.linalg.norm(_rows(tip)[1]))
@@ -380,13 +380,13 @@ class Meeting:
         there = self._spline_rows(self.row, *self._row_at(x * size))[0]
         return np.asarray(there + (1.0 - x) ** 4 * (a + x * (b + x * c)))
 
-    def _in_travel(self, led: Stretch, length: float) -> bool:
+    def _in_travel(self, led: Segment, length: float) -> bool:
         s = np.linspace(0.0, length, LOOKED) + (0.0 if self.leaves else led.motion.end - length)
         return audit.outside(self.machine, s, joints_along(led, s, self.kinematics)) is None
 
     # ---- what it costs -----------------------------------------------------------------
 
-    def _off(self, led: Stretch, motion: SurfaceCut, reach: float) -> tuple[float, float]:
+    def _off(self, led: Segment, motion: SurfaceCut, reach: float) -> tuple[float, float]:
         """How far (mm, rad) the row and the cut, led over, leave the programmed path."""
         size = reach / self._own_rate()
         longer = led.motion.end - self._spline.end
@@ -398,7 +398,7 @@ class Meeting:
         )
         return now.off(path)
 
-    def _flank_on(self, row: Stretch, size: float, count: int) -> Flank:
+    def _flank_on(self, row: Segment, size: float, count: int) -> Flank:
         """Beside the cut as far as ``size`` of s, from there on."""
         away = np.linspace(0.0, size, count)
         joints = joints_along(row, away if self.leaves else row.motion.end - away, self.kinematics)
@@ -428,7 +428,7 @@ def _rows(values: tuple[object, ...]) -> Array:
     return np.array([[one.derivative(k).item() for one in made] for k in range(3)])
 
 
-def _spliced(row: Stretch, at: float, length: float, made: Array, leaves: bool) -> Stretch:
+def _spliced(row: Segment, at: float, length: float, made: Array, leaves: bool) -> Segment:
     """``row`` with the spans ``made`` over ``length`` in place of what lies before ``at``, or behind it."""
     spline = row.motion
     assert isinstance(spline, ToolSpline)

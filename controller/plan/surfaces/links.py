@@ -21,7 +21,7 @@ from controller.geometry.arrays import Array
 from controller.geometry.vectors import norm, subtract
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine
-from controller.plan.stretch import Stretch
+from controller.plan.segment import Segment
 from controller.plan.surfaces import rates
 from controller.plan.surfaces.cuts import Cut
 from controller.plan.surfaces.leads import MAX_TURN_RAD, POSES, End, Room, lead_feed, spline_of
@@ -53,7 +53,7 @@ def _alike(before: Cut, after: Cut) -> bool:
 
 def lay(
     before: Sequence[CutSegment], after: Sequence[CutSegment], machine: Machine, kinematics: Kinematics
-) -> Stretch | None:
+) -> Segment | None:
     """The link furthest off the straight way that stays out of both trains and in travel, if there is one.
 
     Of those the first at the feed of the cuts, else the one that is the least slower. None where a rotary
@@ -70,7 +70,7 @@ def lay(
     return min(found, key=lambda one: max(1.0, _strain(one, slow, machine, kinematics)), default=None)
 
 
-def _strain(link: Stretch, feed_mm_s: float, machine: Machine, kinematics: Kinematics) -> float:
+def _strain(link: Segment, feed_mm_s: float, machine: Machine, kinematics: Kinematics) -> float:
     """The largest share of the joints' limits that the link takes at a feed; above 1 it is to be slower."""
     d = rates.derivatives(link, np.linspace(0.0, link.motion.end, POSES), kinematics)
     shares = zip((d.first, d.second, d.third), rates.limits(machine).T, strict=True)
@@ -78,13 +78,13 @@ def _strain(link: Stretch, feed_mm_s: float, machine: Machine, kinematics: Kinem
     return float(feed_mm_s * max(roots))
 
 
-def _tried(one: End, other: End, machine: Machine) -> Iterator[Stretch]:
+def _tried(one: End, other: End, machine: Machine) -> Iterator[Segment]:
     for share in SHARES:
         for stretched in STRETCHES:
             yield _link(one, other, share * machine.lead_mm, stretched, machine)
 
 
-def _link(one: End, other: End, off_mm: float, stretched: float, machine: Machine) -> Stretch:
+def _link(one: End, other: End, off_mm: float, stretched: float, machine: Machine) -> Segment:
     """Through the middle of the straight way, ``off_mm`` off it."""
     a, b = one.rows, other.rows
     away = np.add(one.away, other.away)
@@ -97,7 +97,7 @@ def _link(one: End, other: End, off_mm: float, stretched: float, machine: Machin
     knots = np.linspace(0.0, length, SPANS + 1)
     spline = spline_of(knots, made, other.length_mm, other.place.line)
     feed, steps, turning = _feeds(one, other, length, machine)
-    return Stretch(spline, other.place, feed, False, one.joints, other.joints, True, NAME, steps, turning)
+    return Segment(spline, other.place, feed, False, one.joints, other.joints, True, NAME, steps, turning)
 
 
 def _to_turn(a: Array, b: Array) -> float:

@@ -13,7 +13,7 @@ from controller.machine.kinematics import Kinematics
 from controller.machine.model import Axis, Machine
 from controller.motion.motions import SurfaceCut
 from controller.plan.rotaries.branch import BranchLost, field, joints_on
-from controller.plan.stretch import Stretch
+from controller.plan.segment import Segment
 from controller.plan.surfaces import rates
 from controller.plan.surfaces.cuts import Cut
 from controller.plan.surfaces.rates import Derivatives
@@ -125,7 +125,7 @@ def _is_clear(motion: SurfaceCut, s: Array, kinematics: Kinematics) -> bool:
     return bool(np.min(kinematics.off_pole(motion.part.turn(axis), np)) > CLEAR)
 
 
-def _followed(pair: Pair, kinematics: Kinematics) -> Iterator[Stretch]:
+def _followed(pair: Pair, kinematics: Kinematics) -> Iterator[Segment]:
     """Both cuts on the first branch; which one makes no difference to how fast they may be."""
     near = None
     for cut in pair:
@@ -135,7 +135,7 @@ def _followed(pair: Pair, kinematics: Kinematics) -> Iterator[Stretch]:
         near = rotaries[-1]
         start, end = joints_on(cut.motion, found.u, rotaries, kinematics)[[0, -1]].tolist()
         block = cut.block
-        yield Stretch(cut.motion, block.place, block.feed_mm_s, True, tuple(start), tuple(end), True, "cut")
+        yield Segment(cut.motion, block.place, block.feed_mm_s, True, tuple(start), tuple(end), True, "cut")
 
 
 def _speeds(d: Derivatives, axes: tuple[Axis, ...]) -> Array:

@@ -18,7 +18,7 @@ from controller.geometry.splines import BSpline, simplest, splined
 from controller.geometry.surfaces import Surface
 from controller.geometry.vectors import Vector
 from controller.motion.motions import SurfaceCut
-from controller.plan.stretch import Chain, Pause
+from controller.plan.segment import ContinuousPath, PathItem
 from controller.plan.surfaces.axis_curves import SMOOTH
 
 FORMAT = 4  # another one where the same numbers would mean another pose
@@ -117,18 +117,18 @@ def known(name: str) -> Recipe | None:
 class Noted:
     """A path as it is walked over, and the placements seen on it."""
 
-    def __init__(self, items: Iterable[Chain | Pause]) -> None:
+    def __init__(self, items: Iterable[PathItem]) -> None:
         self._items = items
         self.recipes: dict[str, Recipe] = {}
 
-    def __iter__(self) -> Iterator[Chain | Pause]:
+    def __iter__(self) -> Iterator[PathItem]:
         for item in self._items:
-            if isinstance(item, Chain):
+            if isinstance(item, ContinuousPath):
                 self._note(item)
             yield item
 
-    def _note(self, chain: Chain) -> None:
-        for stretch in chain.stretches:
-            surface = stretch.motion.surface if isinstance(stretch.motion, SurfaceCut) else None
+    def _note(self, chain: ContinuousPath) -> None:
+        for segment in chain.segments:
+            surface = segment.motion.surface if isinstance(segment.motion, SurfaceCut) else None
             if isinstance(surface, Placed) and surface.name:
                 self.recipes[surface.name] = Recipe.of(surface)

@@ -32,7 +32,7 @@ from controller.memory import remembered
 from controller.motion.motions import JointMove, SurfaceCut, ToolLine, ToolSpline
 from controller.plan.rotaries import tool_paths
 from controller.plan.rotaries.branch import joints_along, one_branch
-from controller.plan.stretch import Stretch
+from controller.plan.segment import Segment
 from controller.plan.surfaces.blends import in_arc_length
 
 Index = npt.NDArray[np.intp]
@@ -55,7 +55,7 @@ MIN_RATE = 1e-3  # of C1'' at an end: below that C1 stands still there, and s ha
 
 @dataclass(frozen=True, slots=True)
 class Derivatives:
-    """q', q'', q''' at N places of a stretch, each (N, axes), per mm (or degree) of s."""
+    """q', q'', q''' at N places of a segment, each (N, axes), per mm (or degree) of s."""
 
     first: Array
     second: Array
@@ -91,21 +91,21 @@ def limits(machine: Machine) -> Array:
     return np.array([(a.limits.velocity, a.limits.acceleration, a.limits.jerk) for a in machine.axes])
 
 
-def derivatives(stretch: Stretch, s: Array, kinematics: Kinematics) -> Derivatives:
+def derivatives(segment: Segment, s: Array, kinematics: Kinematics) -> Derivatives:
     """Exact derivatives of the joints with respect to s at the places ``s`` (N,)."""
-    if isinstance(stretch.motion, JointMove):
-        return _derivatives_of_move(stretch.motion, s, kinematics)
-    if isinstance(stretch.motion, ToolLine):
-        return Derivatives(*tool_paths.derivatives_of_line(stretch.motion, s, kinematics))
-    if isinstance(stretch.motion, ToolSpline):
-        return Derivatives(*tool_paths.derivatives_of_spline(stretch.motion, s, kinematics))
-    return _derivatives_of_cut(stretch, stretch.motion, s, kinematics)
+    if isinstance(segment.motion, JointMove):
+        return _derivatives_of_move(segment.motion, s, kinematics)
+    if isinstance(segment.motion, ToolLine):
+        return Derivatives(*tool_paths.derivatives_of_line(segment.motion, s, kinematics))
+    if isinstance(segment.motion, ToolSpline):
+        return together([segment], s, np.zeros(len(s), dtype=np.intp), kinematics)
+    return _derivatives_of_cut(segment, segment.motion, s, kinematics)
 
 
-def joint_series(stretch: Stretch, s: float, joints: Joints, kinematics: Kinematics) -> list[jets.Jet]:
-    """The joints of a stretch as series over s at ``s``, where they are ``joints``."""
+def joint_series(segment: Segment, s: float, joints: Joints, kinematics: Kinematics) -> list[jets.Jet]:
+    """The joints of a segment as series over s at ``s``, where they are ``joints``."""
     with np.errstate(all="ignore"):
-        d = derivatives(stretch, np.array([s]), kinematics)
+        d = derivatives(segment, np.array([s]), kinematics)
     rows = zip(joints, d.first[0], 0.5 * d.second[0], d.third[0] / 6.0, strict=True)
     return [jets.Jet(np.array(row)[:, None]) for row in rows]
 
@@ -154,13 +154,13 @@ def _inside(cut: SurfaceCut, kinematics: Kinematics) -> tuple[float, float]:
     return min(margin(0.0), cut.end / 3), cut.end - min(margin(1.0), cut.end / 3)
 
 
-def _derivatives_of_cut(stretch: Stretch, cut: SurfaceCut, s: Array, kinematics: Kinematics) -> Derivatives:
-    branch = one_branch(stretch, cut, kinematics)
+def _derivatives_of_cut(segment: Segment, cut: SurfaceCut, s: Array, kinematics: Kinematics) -> Derivatives:
+    branch = one_branch(segment, cut, kinematics)
     if branch is not None:
         return on_branch(cut, s, branch, kinematics)
     inside = np.clip(s, *_inside(cut, kinematics))
     u = cut.arc.u_along(inside)
-    first, second = kinematics.spread([*joints_along(stretch, inside, kinematics).T])[3:]
+    first, second = kinematics.spread([*joints_along(segment, inside, kinematics).T])[3:]
     shown = first, second  # where a free rotary stands, X and Y are the part's turned by it
     own = partial(tool_paths.nearest, shown=shown)
     return _derived(cut, cut.surface, u, kinematics, own, shown).beyond(s - inside)
@@ -236,13 +236,15 @@ def _gathered(curves: Sequence[Curve], of: Index) -> Curve:
     return Bezier(tuple((p[:, 0], p[:, 1], p[:, 2]) for p in np.moveaxis(points, 1, 0)))
 
 
-def kind(stretch: Stretch, kinematics: Kinematics) -> object:
-    """What stretches have in common whose derivatives can be taken together; None: they cannot."""
-    cut = stretch.motion
+def kind(segment: Segment, kinematics: Kinematics) -> object:
+    """What segments have in common whose derivatives can be taken together; None: they cannot."""
+    cut = segment.motion
     if isinstance(cut, ToolLine):
         return tool_paths.kind(cut, kinematics)
     if isinstance(cut, JointMove):
         return JointMove if isinstance(cut.curve, Line) else None
+    if isinstance(cut, ToolSpline):
+        return ToolSpline, cut.tips, cut.length_mm
     if not isinstance(cut, SurfaceCut) or cut.touches or cut.beside_pole:
         return None
     surface = cut.surface
@@ -253,7 +255,7 @@ def kind(stretch: Stretch, kinematics: Kinematics) -> object:
         or not isinstance(ruling, Bezier)
     ):
         return None
-    branch = one_branch(stretch, cut, kinematics)
+    branch = one_branch(segment, cut, kinematics)
     if branch is None or (isinstance(surface, Placed) and surface.through is not None):
         return None
     form = (len(lower.points), len(ruling.points), _placement(surface))
@@ -269,20 +271,23 @@ def _placement(surface: Surface) -> object:
     return surface.offset_mm, surface.points_v, surface.normals_v, surface.taper_rad, surface.shift_mm, ends
 
 
-def together(stretches: Sequence[Stretch], s: Array, of: Index, kinematics: Kinematics) -> Derivatives:
-    """As ``derivatives`` for stretches of one kind: ``s`` (N,) in the stretches ``of`` (N,)."""
-    lines = [one.motion for one in stretches if isinstance(one.motion, ToolLine)]
+def together(segments: Sequence[Segment], s: Array, of: Index, kinematics: Kinematics) -> Derivatives:
+    """As ``derivatives`` for segments of one kind: ``s`` (N,) in the segments ``of`` (N,)."""
+    lines = [one.motion for one in segments if isinstance(one.motion, ToolLine)]
     if lines:
         return Derivatives(*tool_paths.derivatives_of_lines(lines, s, of, kinematics))
-    moves = [one.motion for one in stretches if isinstance(one.motion, JointMove)]
+    splines = [one.motion for one in segments if isinstance(one.motion, ToolSpline)]
+    if splines:
+        return Derivatives(*tool_paths.derivatives_of_splines(splines, s, of, kinematics))
+    moves = [one.motion for one in segments if isinstance(one.motion, JointMove)]
     if moves:
         return _even(np.array([_rates(move, kinematics) for move in moves])[of])
-    cuts = [one.motion for one in stretches if isinstance(one.motion, SurfaceCut)]
+    cuts = [one.motion for one in segments if isinstance(one.motion, SurfaceCut)]
     spans = np.array([_inside(cut, kinematics) for cut in cuts])[of]
     inside, u = np.clip(s, spans[:, 0], spans[:, 1]), np.empty(len(s))
     for k in distinct(of):
         here = of == k
         u[here] = cuts[k].arc.u_along(inside[here])
-    branch = one_branch(stretches[0], cuts[0], kinematics) or 0
+    branch = one_branch(segments[0], cuts[0], kinematics) or 0
     row = _row([cut.surface for cut in cuts], of)
     return _derived(cuts[0], row, u, kinematics, lambda pairs: pairs[branch]).beyond(s - inside)

@@ -18,7 +18,7 @@ from controller.messages import Key, Message, chain, message
 from controller.motion.motions import Rotaries
 from controller.plan.rotaries import winding
 from controller.plan.rotaries.turns import SAME_ROTARY_RAD
-from controller.plan.stretch import Diagnostics
+from controller.plan.segment import Diagnostics
 from controller.plan.surfaces import audit, blending, blends, passing, unwind
 from controller.plan.surfaces.cuts import SAME_RAD, Cut, apart, turn, turned, turned_axis
 from controller.plan.surfaces.legs import CutSegment, Fields, options, timed

@@ -21,7 +21,7 @@ from controller.messages import Message, message
 from controller.motion.motions import Rotaries
 from controller.plan.rotaries.turns import TURN
 from controller.plan.rotaries.winding import RankKey, Way
-from controller.plan.stretch import Diagnostics
+from controller.plan.segment import Diagnostics
 from controller.plan.surfaces import audit
 from controller.plan.surfaces.legs import CutSegment, Option
 

@@ -22,7 +22,7 @@ from controller.machine.model import Joints, Machine, Tool
 from controller.machine.tool_profile import flank
 from controller.motion.motions import JointMove
 from controller.plan.rotaries.branch import joints_along
-from controller.plan.stretch import Stretch
+from controller.plan.segment import Segment
 from controller.plan.surfaces import audit
 from controller.plan.surfaces.cuts import surface_of
 from controller.program.program import Block, CutBlock
@@ -118,12 +118,12 @@ class Walls:
         """How deep the tool is where it stands."""
         return self._at(np.array([joints]), tool, kinematics)[0]
 
-    def deepest(self, stretch: Stretch, s: Array, tool: Tool, kinematics: Kinematics) -> Hit:
+    def deepest(self, segment: Segment, s: Array, tool: Tool, kinematics: Kinematics) -> Hit:
         """How deep it gets at the places ``s`` (N,) of a motion."""
-        return max(self._along(stretch, s, tool, kinematics))
+        return max(self._along(segment, s, tool, kinematics))
 
     def hit(
-        self, way: Sequence[Stretch], tool: Tool, kinematics: Kinematics, left: bool = False
+        self, way: Sequence[Segment], tool: Tool, kinematics: Kinematics, left: bool = False
     ) -> Hit | None:
         """Where a way that leaves the walls, or is ``left`` already, comes into them; None where it does not.
 
@@ -133,8 +133,8 @@ class Walls:
         if not self._walls:
             return None
         most = -APART_MM if left else math.inf
-        for stretch in way:
-            for hit in self._along(stretch, _places(stretch), tool, kinematics):
+        for segment in way:
+            for hit in self._along(segment, _places(segment), tool, kinematics):
                 if most == math.inf:
                     most = max(hit.depth_mm, -APART_MM)
                 if hit.depth_mm > most + DEEPER_MM:
@@ -143,8 +143,8 @@ class Walls:
                     most = -APART_MM
         return None
 
-    def _along(self, stretch: Stretch, s: Array, tool: Tool, kinematics: Kinematics) -> list[Hit]:
-        return self._at(joints_along(stretch, s, kinematics), tool, kinematics)
+    def _along(self, segment: Segment, s: Array, tool: Tool, kinematics: Kinematics) -> list[Hit]:
+        return self._at(joints_along(segment, s, kinematics), tool, kinematics)
 
     @staticmethod
     def _poses(joints: Array, tool: Tool, kinematics: Kinematics) -> tuple[Array, Array]:
@@ -161,9 +161,9 @@ class Walls:
 NONE = Walls()  # of a program of lines
 
 
-def _places(stretch: Stretch) -> Array:
+def _places(segment: Segment) -> Array:
     """Places of a way aside, so close that nothing is passed between them."""
-    count, motion = LEAD_POSES, stretch.motion
+    count, motion = LEAD_POSES, segment.motion
     if isinstance(motion, JointMove):
         turns = zip(motion.start_rotaries, motion.end_rotaries, strict=True)
         turned = max(abs(a - b) for a, b in turns)

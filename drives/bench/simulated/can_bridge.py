@@ -17,10 +17,8 @@ from collections import deque
 from collections.abc import Callable
 
 from drives import pdo
-from drives.bench.virtual.fault_script import FaultScript
-from drives.bench.virtual.hub import Gateway, SyncLog
-from drives.bench.virtual.kernel_time import NOTE_BYTES, KernelTime, woken
-from drives.bench.virtual.virtual_bus import SteppedBus
+from drives.bench.virtual.hub import Served
+from drives.bench.virtual.kernel_time import NOTE_BYTES, woken
 from drives.pdo import FRAME_BYTES
 from drives.texts import TextError, message
 
@@ -46,7 +44,7 @@ def open_interface(channel: str) -> socket.socket:
     return raw
 
 
-class CanBridge:
+class CanBridge(Served):
     """Serves the devices that are attached to ``bus``; the same calls as the hub's."""
 
     def __init__(
@@ -61,34 +59,13 @@ class CanBridge:
         self.path = path
         raw.setblocking(False)
         raw.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BYTES)
-        self.bus = SteppedBus(bit_rate, time.monotonic(), worst_stuffing)
-        self.syncs = SyncLog(1_000_000 if sync_log else 0)
-        self.bus.watch(pdo.SYNC, self.syncs)
+        super().__init__(bit_rate, sync_log, worst_stuffing)
         self.lost = 0  # frames that a full transmit queue refused for too long
         self._raw = raw
         self._unsent: deque[bytes] = deque()
         self._source = self.bus.connect(self._put)
-        self._readers: dict[int, Callable[[], None]] = {raw.fileno(): self._read}
-        self._gateways: list[Gateway] = []
-        self._faults: FaultScript | None = None
-        self._clocks = KernelTime()
+        self.listen(raw.fileno(), self._read)
         self._clocks.ask(raw)
-
-    def listen(self, descriptor: int, reader: Callable[[], None]) -> None:
-        """Call ``reader`` when ``descriptor`` has something to read."""
-        self._readers[descriptor] = reader
-
-    def forget(self, descriptor: int) -> None:
-        """End ``listen``."""
-        self._readers.pop(descriptor, None)
-
-    def open_gateway(self, gateway: Gateway) -> None:
-        """Keep a gateway to the devices' bus until ``close``."""
-        self._gateways.append(gateway)
-
-    def plan_faults(self, faults: FaultScript) -> None:
-        """Have these faults happen from the beginning of ``run``, to frames of the devices' bus."""
-        self._faults = faults
 
     def turn(self, until_s: float) -> None:
         """Wait for a frame or the devices' next event, then let their bus catch up with the clock."""
@@ -96,11 +73,7 @@ class CanBridge:
         # A full queue of a CAN interface does not say when there is room again: look each millisecond.
         wait_s = min(wait_s, 0.001) if self._unsent else wait_s
         now_s, readable = woken(list(self._readers), wait_s)
-        for one in readable:
-            reader = self._readers.get(one)  # one reader may have closed another's descriptor
-            if reader is not None:
-                reader()
-        self.bus.advance(max(self.bus.now_s, now_s))
+        self._read_and_advance(readable, now_s)
         self._flush()
 
     def run(self, stop: Callable[[], bool]) -> None:
@@ -108,9 +81,7 @@ class CanBridge:
 
         Raises ScriptError for a fault of a node that is not here.
         """
-        if self._faults is not None:
-            self._faults.inject(self.bus, self.bus.now_s)
-            self._faults = None
+        self._begin()
         while not stop():
             self._clocks.look()
             until_s = time.monotonic() + 0.1
@@ -118,8 +89,7 @@ class CanBridge:
                 self.turn(until_s)
 
     def close(self) -> None:
-        for gateway in self._gateways:
-            gateway.close()
+        super().close()
         self._raw.close()
 
     def _put(self, frame: bytes, _at_s: float) -> None:

@@ -29,7 +29,7 @@ __all__ = ["EDS", "Abort", "Code", "Dictionary", "Variable", "key"]
 
 
 class Code(IntEnum):
-    """The whole table, so that whatever a real drive may say can be said here."""
+    """SDO abort codes (CiA 301, 7.2.4.3.17, table 22): all of them, as a real drive may give any."""
 
     TOGGLE = 0x0503_0000
     TIMEOUT = 0x0504_0000

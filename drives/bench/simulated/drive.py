@@ -47,7 +47,7 @@ MAX_TORQUE = 0x7FFF
 
 
 def publish(axis: Axis) -> None:
-    """Bind an axis to its drive's dictionary."""
+    """Bind an axis to its drive's dictionary: objects that are live, and those whose writing acts."""
     dictionary, servo, units = axis.dictionary, axis.servo, axis.units
     readers: dict[int, Callable[[], int]] = {
         0x6040: lambda: axis.controlword,

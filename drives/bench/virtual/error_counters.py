@@ -119,7 +119,7 @@ class Controller:
         return warning if counter >= WARNING_AT else 0
 
 
-# ---- fault confinement ---------------------------------------------------------------------
+# ---- fault confinement on a stepped bus: who has seen how many errors, and who is off the bus ----
 
 
 class Bus(Protocol):

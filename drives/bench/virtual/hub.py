@@ -28,7 +28,7 @@ import math
 import os
 import socket
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Protocol
 
 import numpy as np
@@ -147,7 +147,57 @@ def _listening(path: str) -> socket.socket:
     return own
 
 
-class Hub:
+class Served:
+    """A bus of simulated devices that is led on by the clock, and whoever reads when something has come."""
+
+    def __init__(self, bit_rate: int, sync_log: bool, worst_stuffing: bool) -> None:
+        self.bus = SteppedBus(bit_rate, time.monotonic(), worst_stuffing)
+        self.syncs = SyncLog(1_000_000 if sync_log else 0)
+        self.bus.watch(pdo.SYNC, self.syncs)
+        self._faults: FaultScript | None = None
+        self._gateways: list[Gateway] = []
+        self._readers: dict[int, Callable[[], None]] = {}  # by file descriptor
+        self._clocks = KernelTime()
+
+    def listen(self, descriptor: int, reader: Callable[[], None]) -> None:
+        """Call ``reader`` when ``descriptor`` has something to read."""
+        self._readers[descriptor] = reader
+
+    def forget(self, descriptor: int) -> None:
+        """End ``listen``."""
+        self._readers.pop(descriptor, None)
+
+    def open_gateway(self, gateway: Gateway) -> None:
+        """Keep a gateway to the devices' bus until ``close``."""
+        self._gateways.append(gateway)
+
+    def plan_faults(self, faults: FaultScript) -> None:
+        """Have these faults happen from the beginning of ``run``, to frames of the devices' bus."""
+        self._faults = faults
+
+    def _begin(self) -> None:
+        """Raises ScriptError for a fault of a node that is not here."""
+        if self._faults is not None:
+            self._faults.inject(self.bus, self.bus.now_s)
+            self._faults = None
+
+    def _read_and_advance(self, readable: Sequence[int], now_s: float) -> None:
+        """What has come by then, and the bus until then.
+
+        Not beyond: what was handed over since is read next time, and has not begun in the meantime.
+        """
+        for one in readable:
+            reader = self._readers.get(one)  # one reader may have closed another's descriptor
+            if reader is not None:
+                reader()
+        self.bus.advance(max(self.bus.now_s, now_s))
+
+    def close(self) -> None:
+        for gateway in self._gateways:
+            gateway.close()
+
+
+class Hub(Served):
     """The server; ``turn`` does everything that is due and waits at most until ``until_s``.
 
     ``faults`` happen by the bus' clock from the beginning of ``run``; ``log`` gets every
@@ -166,39 +216,17 @@ class Hub:
     ) -> None:
         """Raises OSError when the path cannot be bound."""
         self.path = path
-        self.bus = SteppedBus(bit_rate, time.monotonic(), worst_stuffing)
-        self.syncs = SyncLog(1_000_000 if sync_log else 0)
-        self.bus.watch(pdo.SYNC, self.syncs)
+        super().__init__(bit_rate, sync_log, worst_stuffing)
         if log is not None:
             self.bus.watch_all(log)
         self._faults = faults
         self._clients: dict[int, Client] = {}  # by file descriptor
-        self._gateways: list[Gateway] = []
         self.watchers: list[Callable[[float], None]] = []  # of what the devices do: told the time
         self._server = _listening(path)
-        self._readers: dict[int, Callable[[], None]] = {self._server.fileno(): self._accept}
+        self.listen(self._server.fileno(), self._accept)
         self._master: Client | None = None  # who sends SYNC, and when it last did
         self._sync_s, self._gap_s, self._period_s = 0.0, math.inf, math.inf
         self._alert_until_s = 0.0
-        self._clocks = KernelTime()
-
-    # -- guests
-
-    def listen(self, descriptor: int, reader: Callable[[], None]) -> None:
-        """Call ``reader`` when ``descriptor`` has something to read."""
-        self._readers[descriptor] = reader
-
-    def forget(self, descriptor: int) -> None:
-        """End ``listen``."""
-        self._readers.pop(descriptor, None)
-
-    def open_gateway(self, gateway: Gateway) -> None:
-        """Keep a gateway until ``close``."""
-        self._gateways.append(gateway)
-
-    def plan_faults(self, faults: FaultScript) -> None:
-        """Have these faults happen from the beginning of ``run``."""
-        self._faults = faults
 
     # -- time
 
@@ -215,12 +243,7 @@ class Hub:
             if readable:
                 self._alert_until_s = now_s + ALERT_S
             readable.append(self._master.descriptor)
-        for one in readable:
-            reader = self._readers.get(one)  # one reader may have closed another's descriptor
-            if reader is not None:
-                reader()
-        # Not beyond: what was handed over since is read next time, and has not begun in the meantime.
-        self.bus.advance(max(self.bus.now_s, now_s))
+        self._read_and_advance(readable, now_s)
         for client in self._clients.values():
             client.flush(self.bus.now_s)
         for watch in self.watchers:
@@ -247,16 +270,13 @@ class Hub:
 
         Raises ScriptError for a fault of a node that is not here.
         """
-        if self._faults is not None:
-            self._faults.inject(self.bus, self.bus.now_s)
-            self._faults = None
+        self._begin()
         while not stop():
             self._clocks.look()
             self.turn(time.monotonic() + STOP_LOOK_S)
 
     def close(self) -> None:
-        for gateway in self._gateways:
-            gateway.close()
+        super().close()
         for client in self._clients.values():
             client.flush(math.inf)
             client.socket.close()

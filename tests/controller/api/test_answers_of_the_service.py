@@ -52,8 +52,8 @@ def scene(service: Service, tmp_path: Path) -> Iterator[Scene]:
     with scene.store.uploads.begin("part.ngc") as upload:
         upload.write(b"G21\nG1 X1 F100\nM2\n")
         upload.commit()
-    scene.store.alarms.add("PROGRAM", message("stands_before"), cause=message("cause.EMCY"))
-    scene.store.runs.end(scene.store.runs.begin("part.ngc", "0" * 64), "fault", **message("service_ended"))
+    service.alarms.add("PROGRAM", message("stands_before"), cause=message("cause.EMCY"))
+    scene.history.run("part.ngc", "fault", **message("service_ended"))
     yield scene
     server.close()
 

@@ -29,19 +29,18 @@ def test_what_the_panel_does_by_itself_goes_on_after_any_mistake(
     monkeypatch.setattr(app_state, "POLL_S", 0.0)
     scene, looks = Scene(tmp_path), 0
 
-    def look() -> bool:
+    async def look() -> None:
         nonlocal looks
         looks += 1
         if looks == 1:
             raise error
-        return False
 
     async def story() -> None:
         async with scene.panel.running(), asyncio.timeout(TIMEOUT_S):
             while looks < 3:
                 await asyncio.sleep(0.001)
 
-    monkeypatch.setattr(scene.panel.gatherer, "gather", look)
+    monkeypatch.setattr(scene.panel, "_report_losses", look)
     with caplog.at_level(logging.ERROR):
         asyncio.run(story())
     assert ("a mistake" in caplog.text) is told

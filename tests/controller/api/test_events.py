@@ -71,7 +71,7 @@ def test_a_listener_hears_the_status_over_and_over_and_the_job_and_the_alarm_whe
             assert await next_of(heard, "job") == {"name": "part.ngc", "sha256": "0" * 64, "state": "running"}
             scene.door.mode = "FAULT"
             assert (await next_of(heard, "alarm"))["name"] == "ESTOP"
-            scene.store.alarms.add("ESTOP", "Emergency stop.")
+            scene.history.alarm("ESTOP", "Emergency stop.")
             assert await next_of(heard, "alarms") == {"newest": 1}
             scene.door.there = False
             assert (await next_of(heard, "service"))["answers"] is False

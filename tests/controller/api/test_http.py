@@ -272,7 +272,8 @@ def test_without_the_service_looking_and_uploading_go_on_and_moving_is_told_to_b
         scene.door.there = False
         async with scene.client() as client:
             assert (await client.post("/api/v1/programs", **part())).status_code == 201
-            assert (await client.get("/api/v1/runs")).json() == {"runs": [], "before": None}
+            assert len((await client.get("/api/v1/programs")).json()["programs"]) == 1
+            assert (await client.get("/api/v1/runs")).status_code == 503
             await take_control(client)
             answer = await client.post("/api/v1/cycle/hold")
             assert answer.status_code == 503

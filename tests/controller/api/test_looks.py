@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import io
+import time
 from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import Any
@@ -120,7 +121,7 @@ def test_the_setpoints_of_a_run_open_in_the_scope(tmp_path: Path) -> None:
         names = ["tick", *(f"setpoint_{i}" for i in range(5))]
         rows = np.array([[0, 200_000, 0, 0, 0, 0], [1, 400_000, 0, 0, 0, 0]], dtype=np.int32)
         np.savez(folder / "setpoints.npz", columns=np.array(names), rows=rows)
-        run = scene.store.runs.begin("part.ngc", "0" * 64, record=folder.name)
+        run = scene.history.run("part.ngc", record=folder.name)
         found = (await client.get(f"/api/v1/ticks?source=run:{run}&names=X.command,X.error")).json()
         assert found["low"]["X.command"] == [1.0, 2.0]
         assert found["low"]["X.error"] == [None, None]
@@ -187,12 +188,10 @@ def test_without_a_machine_there_is_nothing_to_look_at_and_a_sentence_says_so(tm
 def test_runs_are_summed_by_their_result(tmp_path: Path) -> None:
     async def story(scene: Scene, client: httpx.AsyncClient) -> None:
         for result, seconds in (("completed", 10.0), ("completed", 20.0), ("fault", 5.0)):
-            run = scene.store.runs.begin("part.ngc", "0" * 64)
-            scene.store.runs.end(run, result, duration_s=seconds, cut_time_s=1.0)
-        scene.store.runs.begin("part.ngc", "0" * 64)
+            scene.history.run("part.ngc", result, duration_s=seconds, cut_time_s=1.0)
         found = (await client.get("/api/v1/statistics/runs")).json()
         assert found == {
-            **{"runs": 4, "failed": 1, "results": {"completed": 2, "fault": 1, "running": 1}},
+            **{"runs": 3, "failed": 1, "results": {"completed": 2, "fault": 1}},
             **{"duration_s": 35.0, "cut_time_s": 3.0},
         }
 
@@ -201,10 +200,10 @@ def test_runs_are_summed_by_their_result(tmp_path: Path) -> None:
 
 def test_a_run_is_reported_with_the_alarms_that_came_in_it(tmp_path: Path) -> None:
     async def story(scene: Scene, client: httpx.AsyncClient) -> None:
-        scene.store.alarms.add("BEFORE_IT", "Long over.")
-        run = scene.store.runs.begin("part.ngc", "0" * 64)
-        scene.store.alarms.add("FEED_LOW", "It was slow.", "X")
-        scene.store.runs.end(run, "completed", duration_s=10.0)
+        scene.history.alarm("BEFORE_IT", "Long over.")
+        began_s = time.time()
+        scene.history.alarm("FEED_LOW", "It was slow.", "X")
+        run = scene.history.run("part.ngc", started_s=began_s, duration_s=10.0)
         told = await client.get(f"/api/v1/runs/{run}/report", params={"language": "de"})
         assert told.headers["content-type"].startswith("text/html")
         assert "It was slow." in told.text and "Long over." not in told.text

@@ -64,20 +64,17 @@ class Moving(FakeDoor):
 
 def filled(scene: Scene) -> None:
     """Runs and alarms as the service leaves them behind."""
-    runs = scene.store.runs
-    for result, seconds in (("completed", 10.0), ("completed", 20.0), ("fault", 5.0), ("running", 0.0)):
-        run = runs.begin("a.ngc", "0" * 64)
-        if result != "running":
-            runs.end(run, result, duration_s=seconds, cut_time_s=seconds / 2.0)
-    first = scene.store.alarms.add("ESTOP", "Emergency stop.")
-    scene.store.alarms.add("ESTOP", "Emergency stop.")
-    scene.store.alarms.acknowledge(first, "me")
+    for result, seconds in (("completed", 10.0), ("completed", 20.0), ("fault", 5.0)):
+        scene.history.run("a.ngc", result, duration_s=seconds, cut_time_s=seconds / 2.0)
+    first = scene.history.alarm("ESTOP", "Emergency stop.")
+    scene.history.alarm("ESTOP", "Emergency stop.")
+    scene.history.acknowledge(first, "me")
 
 
 def scraped(folder: Path, door: FakeDoor | None = None, language: str = "en") -> str:
     async def story() -> str:
         scene = Scene(folder, door=door or Moving())
-        if not scene.store.runs.list():
+        if not scene.history.runs():
             filled(scene)
         async with scene.client() as client:
             answer = await client.get("/metrics", headers={"Accept-Language": language})
@@ -123,7 +120,6 @@ def test_runs_and_alarms_are_counted_by_outcome_and_name(tmp_path: Path) -> None
     found = values(scraped(tmp_path))
     assert found["directrix_runs_total completed"] == 2.0 and found["directrix_runs_total fault"] == 1.0
     assert found["directrix_runs_total stopped"] == 0.0, "there before the first, so that it is seen to rise"
-    assert "directrix_runs_total running" not in found, "that would count down"
     assert found["directrix_run_seconds_total completed"] == 30.0
     assert found["directrix_cut_seconds_total fault"] == 2.5
     assert (found["directrix_alarms_total ESTOP"], found["directrix_alarms_open ESTOP"]) == (2.0, 1.0)
@@ -140,12 +136,13 @@ def test_the_disk_is_told_with_what_takes_it(tmp_path: Path) -> None:
     assert found["directrix_state_bytes store"] >= store.stat().st_size
 
 
-def test_a_service_that_is_gone_leaves_what_the_store_knows(tmp_path: Path) -> None:
+def test_of_a_service_that_is_gone_nothing_is_read_but_what_the_panel_has_itself(tmp_path: Path) -> None:
     door = FakeDoor()
     door.there = False
     found = values(scraped(tmp_path, door))
-    assert found["directrix_up"] == 0.0 and found["directrix_runs_total completed"] == 2.0
-    assert not any(name.startswith(("directrix_mode", "directrix_tick")) for name in found)
+    assert found["directrix_up"] == found["directrix_store_up"] == 0.0 and "directrix_listeners" in found
+    of_service = ("directrix_mode", "directrix_tick", "directrix_runs", "directrix_alarms")
+    assert not any(name.startswith(of_service) for name in found)
 
 
 def test_a_tick_that_is_gone_is_told(tmp_path: Path) -> None:

@@ -90,12 +90,12 @@ def look(scene: Scene) -> None:
 
 def test_alarm_end_of_program_and_tool_change_are_each_told_once(tmp_path: Path, hook: Hook) -> None:
     scene = Scene(tmp_path)
-    scene.store.alarms.add("ESTOP", "An old one.")
+    scene.history.alarm("ESTOP", "An old one.")
     assert settle(scene, webhook=hook.url, language="de").status_code == 200
     look(scene)
-    scene.store.alarms.add("ESTOP", fault_table.fault_message(Fault.ESTOP_INPUT))
-    scene.store.runs.end(scene.store.runs.begin("part.ngc", "0" * 64), "completed")
-    scene.store.runs.end(scene.store.runs.begin("MDI", "0" * 64), "completed")
+    scene.history.alarm("ESTOP", fault_table.fault_message(Fault.ESTOP_INPUT))
+    scene.history.run("part.ngc", "completed")
+    scene.history.run("MDI", "completed")
     told, asks = scene.door.status, {"number": 4, **message("tool_change", number=4, name="")}
     scene.door.status = lambda: {**told(), "tool_change": asks}  # type: ignore[method-assign]
     look(scene)
@@ -104,7 +104,7 @@ def test_alarm_end_of_program_and_tool_change_are_each_told_once(tmp_path: Path,
         assert hook.some.acquire(timeout=TIMEOUT_S)
     events = {one["event"]: one["text"] for one in hook.heard}
     ended = "Das Programm part.ngc ist zu Ende: fertig."
-    stop, tool = scene.store.alarms.list()[0], "T4 in die Spindel einsetzen, dann das Programm fortsetzen."
+    stop, tool = scene.history.alarms()[0], "T4 in die Spindel einsetzen, dann das Programm fortsetzen."
     alarm = messages.text({"key": stop.key, "values": stop.values}, "de")
     assert events == {"alarm": " ".join(alarm.split()), "program_end": ended, "tool_change": tool}
     assert alarm.startswith("Der Not-Halt")
@@ -118,8 +118,8 @@ def test_what_is_switched_off_is_not_told(tmp_path: Path) -> None:
     scene.panel.notices.send = sent.append  # type: ignore[method-assign,assignment]
     settle(scene, webhook="http://127.0.0.1:9/", alarms=False)
     look(scene)
-    scene.store.alarms.add("ESTOP", "Emergency stop.")
-    scene.store.runs.end(scene.store.runs.begin("part.ngc", "0" * 64), "fault")
+    scene.history.alarm("ESTOP", "Emergency stop.")
+    scene.history.run("part.ngc", "fault")
     look(scene)
     assert [one.event for one in sent] == ["program_end"]
 
@@ -292,7 +292,7 @@ def test_what_came_while_the_panel_was_away_is_told_once_by_the_next(tmp_path: P
     scene = Scene(tmp_path)
     settle(scene, webhook=hook.url)
     look(scene)
-    scene.store.alarms.add("ESTOP", "While it was away.")
+    scene.history.alarm("ESTOP", "While it was away.")
     look(Scene(tmp_path))
     assert hook.some.acquire(timeout=TIMEOUT_S)
     third = Scene(tmp_path)

@@ -50,9 +50,9 @@ class Shop:
 
     async def ran(self, result: str = "completed") -> None:
         """The program that is loaded was started, and ended like that."""
-        runs, job = self.scene.store.runs, self.scene.door.job
+        job = self.scene.door.job
         assert job is not None
-        runs.end(runs.begin(job["name"], job["sha256"]), result)
+        self.scene.history.run(job["name"], result)
         job["state"], self.scene.door.mode = result, "FAULT" if result == "fault" else "READY"
         await self.scene.panel.go_on.look()
 
@@ -229,9 +229,7 @@ def test_what_happens_while_the_next_is_read_keeps_it_from_starting(
 def test_a_panel_that_is_restarted_counts_what_ended_meanwhile_and_starts_nothing(tmp_path: Path) -> None:
     async def story(shop: Shop) -> None:
         await shop.going(("a.ngc", 3))
-        job = shop.scene.door.job
-        assert job is not None
-        shop.scene.store.runs.end(shop.scene.store.runs.begin("a.ngc", job["sha256"]), "completed")
+        shop.scene.history.run("a.ngc")
         other = Scene(tmp_path, shop.scene.door)
         await other.panel.go_on.look()
         async with other.client() as client:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from controller.api.records import Alarm, Run
 from controller.api.run_report import Facts, page
 from controller.messages import message
+from controller.store.history import Alarm, Run
 
 ERRORS = {"X": 0.0123, "C": 0.0313}
 FACTS = {"duration_s": 67.742, "planned_s": 67.7, "ticks": 33850, "skips": 0, "following_error": ERRORS}
@@ -37,6 +37,6 @@ def test_a_name_is_text_and_never_markup() -> None:
 
 
 def test_it_speaks_german_and_leaves_out_what_is_not_known() -> None:
-    told = page(Facts(Run(1, "p", "0" * 64, 0.0, None, "lost", {}), {}, [], []), "de")
+    told = page(Facts(Run(1, "p", "0" * 64, 0.0, 1.0, "lost", {}), {}, [], []), "de")
     assert "Größter Schleppfehler" in told
     assert "Prüfung des Programms" not in told

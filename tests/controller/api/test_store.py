@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import os
 import signal
@@ -134,52 +133,12 @@ def test_threads_that_upload_replace_and_delete_the_same_names_leave_no_half(sto
     consistent(store)
 
 
-def test_a_run_has_a_beginning_an_end_and_facts_of_both(store: Store) -> None:
-    run = store.runs.begin("a", "00", by="me")
-    later = store.runs.begin("b", "01")
-    store.runs.end(run, "completed", cut_time_s=3.5)
-    first = store.runs.get(run)
-    assert first and first.ended_s and first.facts == {"by": "me", "cut_time_s": 3.5}
-    assert [(r.id, r.result) for r in store.runs.list()] == [(later, "running"), (run, "completed")]
-    assert [r.id for r in store.runs.list(before=later)] == [run]
-    with pytest.raises(StoreError):
-        store.runs.end(99, "completed")
-
-
-def test_the_first_acknowledgement_of_an_alarm_counts(store: Store) -> None:
-    alarm = store.alarms.add("FOLLOWING_ERROR", "X lags.", "X")
-    assert [a.id for a in store.alarms.list(open_only=True)] == [alarm]
-    store.alarms.acknowledge(alarm, "anna")
-    assert store.alarms.acknowledge(alarm, "ben").acknowledged_by == "anna"
-    assert store.alarms.list(open_only=True) == []
-    with pytest.raises(StoreError):
-        store.alarms.acknowledge(alarm + 1, "anna")
-
-
 def test_settings_are_values_by_name(store: Store) -> None:
     store.settings.set("language", "de", "me")
     store.settings.put({"upload_mb": 8, "notices": {"mail": [1, 2]}}, "me")
     assert store.settings.all() == {"language": "de", "notices": {"mail": [1, 2]}, "upload_mb": 8}
     store.settings.remove("language")
     assert store.settings.get("language", "none") == "none"
-
-
-def test_a_store_of_before_gives_up_its_copies_of_what_the_service_keeps(tmp_path: Path) -> None:
-    """And keeps what is its own; the whole of before lies beside it."""
-    with contextlib.closing(sqlite3.connect(tmp_path / "store.sqlite")) as sql:
-        for version, step in enumerate(database.MIGRATIONS[:5], 1):
-            sql.executescript(step)
-            sql.execute(f"PRAGMA user_version = {version}")
-        sql.execute("INSERT INTO offsets VALUES ('G54', '{}', 1, 'me')")
-        sql.execute("INSERT INTO settings VALUES ('language', '\"de\"', 1, 'me')")
-        sql.commit()
-    with contextlib.closing(Store(tmp_path)) as store:
-        assert store.settings.all() == {"language": "de"}
-        store.sweep()
-        assert store.alarms.list() == []
-        tables = {row[0] for row in store.database.rows("SELECT name FROM sqlite_master")}
-        assert "settings" in tables and not {"offsets", "tools"} & tables
-    assert (store.own / "store.schema5.sqlite").exists()
 
 
 def test_users_tokens_and_the_audit_log(store: Store) -> None:

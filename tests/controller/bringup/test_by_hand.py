@@ -79,10 +79,13 @@ class Bench:
 
 
 class Operator:
-    """Answers a sphere's radius."""
+    """Answers a sphere's radius, and leaves what he is to do himself."""
 
     def value(self, question: Message) -> float:
         return 12.5
+
+    def does(self, request: Message) -> None:
+        raise NotDone(message("bringup.left"))
 
 
 def done(bench: object, name: str, folder: Path) -> Outcome:
@@ -103,6 +106,18 @@ def test_every_input_is_seen_with_the_drives_off_and_the_emergency_stop_has_a_st
     found = done(bench, "inputs", tmp_path)
     assert found.good and bench.powered == [False, True]
     assert len(found.figures) == len(bench.inputs()) - 1
+
+
+@pytest.mark.parametrize("name", ["inputs", "switches.X"])
+def test_drives_go_on_only_when_the_operator_says_that_nobody_is_at_the_machine(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bench = Bench()
+    worked = bench.by_hand
+    monkeypatch.setattr(bench, "by_hand", lambda action: action != "stand_clear" and worked(action))
+    with pytest.raises(NotDone, match="left"):
+        done(bench, name, tmp_path)
+    assert bench.powered == [False]
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,9 @@ from pathlib import Path
 import pytest
 from argon2 import PasswordHasher
 from fastapi.testclient import TestClient
+from support.fakes import written_history
 from support.fakes.noting_door import NotingDoor
+from support.fakes.written_history import WrittenHistory
 
 from controller.api.app_state import Panel
 from controller.api.http import make_app
@@ -47,6 +49,7 @@ def panel(
     """The verbs reach this panel, whatever address they are given."""
     monkeypatch.setattr("controller.api.users.PasswordHasher", lambda: PasswordHasher(1, 8, 1))  # quick
     store = Store(tmp_path / "store")
+    written_history.begin(store.folder)
     http.app.state.panel = made = Panel(store, door)  # type: ignore[attr-defined]
 
     @contextlib.contextmanager
@@ -60,3 +63,9 @@ def panel(
     monkeypatch.setattr(remote, "client", client)
     yield made
     store.close()
+
+
+@pytest.fixture
+def history(panel: Panel) -> WrittenHistory:
+    """What the service of this panel has written of runs and alarms."""
+    return WrittenHistory(panel.store.folder)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import json
+import os
 import re
 from pathlib import Path
 from typing import Any
@@ -19,6 +21,7 @@ from controller.bringup.protocol import Outcome
 from controller.bringup.steps import KINDS
 from controller.bringup.ticks import NotDone
 from controller.cli import bring_up
+from controller.cli.bring_up_worker import AtPage
 from controller.machine import machine_file
 from controller.messages import message
 
@@ -220,3 +223,19 @@ def test_what_is_proposed_of_the_spindle_is_told_with_its_own_table(tmp_path: Pa
     words = (str(tmp_path), "--machine", "machining_centre", "--simulate", "--step", "spindle")
     shown = CliRunner().invoke(app, [*words, "--yes", "spindle"]).stdout
     assert "[spindle]: spin_up_s = " in shown and "[[axis]]" not in shown
+
+
+@pytest.mark.parametrize(("answer", "leaves"), [("true", False), ("null", True), ("", True)])
+def test_who_leaves_the_page_s_step_while_something_is_watched_for_has_left_it(
+    answer: str, leaves: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As does a panel that is gone; an answer alone says that it does not come."""
+    reads, writes = os.pipe()
+    with os.fdopen(writes, "w") as panel:
+        panel.write(f'{{"number": 1, "answer": {answer}}}\n' if answer else "")
+    with os.fdopen(reads) as stdin, contextlib.ExitStack() as raised:
+        monkeypatch.setattr("sys.stdin", stdin)
+        if leaves:
+            raised.enter_context(pytest.raises(NotDone, match="left"))
+        with AtPage().works(message("bringup.hand.estop")) as gives_up:
+            assert gives_up()

@@ -17,6 +17,7 @@ from fastapi.testclient import TestClient
 from rich.console import Console
 from support.fakes.fake_socket import PROBED, tools_of
 from support.fakes.noting_door import NotingDoor
+from support.fakes.written_history import WrittenHistory
 from typer.testing import CliRunner, Result
 
 from controller import sealed_file
@@ -27,9 +28,11 @@ from controller.api.service_client import Watch
 from controller.api.users import new_token
 from controller.cli import client as verbs
 from controller.cli import client_lists, remote
+from controller.ipc.asker import asker
 from controller.ipc.control_socket import LAST
 from controller.machine import machine_file
 from controller.messages import plain
+from controller.service import runs
 from controller.state.modes import Fault, fault_message
 from controller.store.service_store import ServiceStore
 
@@ -464,8 +467,10 @@ def test_a_jog_needs_a_distance_or_a_speed_with_its_time(
 # --- what is looked at
 
 
-def test_status_shows_the_machine_and_what_nobody_acknowledged(panel: Panel, door: NotingDoor) -> None:
-    panel.store.alarms.add("DOOR_OPEN", "The door is open.")
+def test_status_shows_the_machine_and_what_nobody_acknowledged(
+    history: WrittenHistory, door: NotingDoor
+) -> None:
+    history.alarm("DOOR_OPEN", "The door is open.")
     told = done("status")
     assert "READY" in told and "The door is open." in told
     assert json.loads(done("status", "--json"))["mode"] == "READY"
@@ -533,22 +538,27 @@ def test_a_watch_in_a_terminal_shows_the_whole_view(
     assert isinstance(screen.file, StringIO) and "READY" in screen.file.getvalue()
 
 
-def test_alarms_are_listed_in_either_language_and_acknowledged(panel: Panel) -> None:
-    panel.store.alarms.add("DOOR_OPEN", fault_message(Fault.DOOR_OPEN))
+def test_alarms_are_listed_in_either_language_and_acknowledged(
+    history: WrittenHistory, door: NotingDoor
+) -> None:
+    history.alarm("DOOR_OPEN", fault_message(Fault.DOOR_OPEN))
     assert "The door is open." in done("alarms") and "Die Tür ist offen." in done(
         "alarms", "--language", "de"
     )
+    door.then["acknowledge"] = lambda: history.acknowledge(1, getattr(asker.get(), "user", ""))
     done("alarms", "--acknowledge", "1")
     assert "acknowledged by local" in done("alarms") and "The door is open." not in done("status")
     assert json.loads(done("alarms", "--json"))["alarms"][0]["acknowledged_by"] == "local"
 
 
-def test_runs_are_listed(panel: Panel) -> None:
+def test_runs_are_listed(history: WrittenHistory) -> None:
     assert "Nothing was run yet." in done("runs")
-    number = panel.store.runs.begin("part.ngc", "0" * 64)
-    panel.store.runs.end(number, "completed")
-    number = panel.store.runs.begin(f"{'a long name of a part, ' * 5}with spaces.ngc", "0" * 64)
-    panel.store.runs.end(number, "refused", **plain("G38.2 did not touch: look at the probe."))
+    history.run("part.ngc", "completed")
+    history.run(
+        f"{'a long name of a part, ' * 5}with spaces.ngc",
+        "refused",
+        **plain("G38.2 did not touch: look at the probe."),
+    )
     head, refused, why, completed = done("runs").splitlines()
     assert head.split() == ["run", "began", "took", "result", "program"]
     assert refused.startswith("2 ") and refused.endswith("with spaces.ngc")
@@ -557,12 +567,15 @@ def test_runs_are_listed(panel: Panel) -> None:
     assert json.loads(done("runs", "--json"))["runs"][1]["result"] == "completed"
 
 
-def test_a_run_is_kept_by_its_number_and_let_go_again(panel: Panel, door: NotingDoor) -> None:
-    number = panel.store.runs.begin("part.ngc", "0" * 64, record="2026-11-21T080000.000-part.ngc")
-    panel.store.runs.end(number, "completed")
+def test_a_run_is_kept_by_its_number_and_let_go_again(
+    panel: Panel, history: WrittenHistory, door: NotingDoor
+) -> None:
+    record = "2026-11-21T080000.000-part.ngc"
+    number = history.run("part.ngc", record=record)
+    door.then["keep_run"] = lambda: runs.keep(history.state, record, door.asked[-1][1]["on"])
     ran = run("runs", "--keep", str(number))
     assert ran.exit_code == 1 and "its record is gone" in " ".join(ran.stderr.split())
-    (panel.run_records / "2026-11-21T080000.000-part.ngc").mkdir(parents=True)
+    (panel.run_records / record).mkdir(parents=True)
     assert f"The record of run {number} stays." in done("runs", "--keep", str(number))
     assert json.loads(done("runs", "--json"))["runs"][0]["facts"]["kept"] is True
     assert "completed, stays  part.ngc" in done("runs")

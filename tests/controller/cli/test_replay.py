@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from support.fakes.written_history import WrittenHistory
 from support.machines.edited_records import rewrite_setpoints
 from typer.testing import CliRunner
 
 from controller import __main__ as command_line
-from controller.api.service_sync import Gatherer
-from controller.api.store import Store
+from controller.service import runs
 from controller.state.setpoints import SETPOINTS
 
 RUNS = Path(__file__).resolve().parents[2] / "data" / "runs"
@@ -73,9 +73,9 @@ def test_where_the_axes_left_their_path_it_says_how_far_it_could_compare() -> No
 
 def test_a_run_is_found_by_its_number_and_by_its_name(record: Path) -> None:
     state = record.parents[1]
-    store = Store(state)
-    Gatherer(store.database, state).gather()
-    (run,) = store.runs.list()
+    written = WrittenHistory(state)
+    runs.index(written.store, state)
+    (run,) = written.runs()
     assert run.facts["record"] == record.name
     for named in (str(run.id), record.name):
         code, told = replayed(named, "--state", state)

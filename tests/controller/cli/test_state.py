@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support import older_state
 from support.fakes.fake_engine import served
 from support.faults.harm import harmed, times
 from support.machines import changer_bench
@@ -126,17 +125,13 @@ def test_every_file_that_it_lists_is_damaged_by_a_bit_and_then_alone(copied: Pat
     program.write_bytes(b"M2\n")
     program.with_name("events.jsonl").write_bytes(b"")  # cut short where no line shows it
     (damaged,) = (one for one in asked(copied, 1) if one["condition"] == "damaged")
-    assert damaged["file"].endswith("events.jsonl") and damaged["why"]
+    assert damaged["file"].endswith("events.jsonl") and "events.jsonl:1" in damaged["why"]
 
 
 def test_a_file_that_is_gone_beside_the_one_before_it_is_damaged(copied: Path) -> None:
-    older_state.write(copied / "fitting.json", {})
-    older_state.write(copied / "fitting.json", {})
-    (copied / "service.sqlite.before").write_bytes((copied / "service.sqlite").read_bytes())
-    for name in ("fitting.json", "service.sqlite"):
-        (copied / name).unlink()
-        assert name in {one["file"] for one in asked(copied, 1) if one["condition"] == "damaged"}
-        shutil.move(copied / f"{name}.before", copied / name)
+    shutil.move(copied / "service.sqlite", copied / "service.sqlite.before")
+    assert "service.sqlite" in {one["file"] for one in asked(copied, 1) if one["condition"] == "damaged"}
+    shutil.move(copied / "service.sqlite.before", copied / "service.sqlite")
     assert asked(copied, 0)
 
 
@@ -169,7 +164,9 @@ def test_what_was_written_ahead_and_is_damaged_is_so_after_a_look_too(
 
 def test_older_files_are_said_to_be_older_in_words_too(copied: Path) -> None:
     (copied / "fitting.json").write_text('{"parameters": {"500": 1.0}}')
-    assert {one["file"] for one in asked(copied, 0) if one["condition"] == "older"} == {"fitting.json"}
+    check = f"checks/{'b' * 64}.json"
+    (copied / check).write_text('{"key": "b", "ticks": 2}')
+    assert {one["file"] for one in asked(copied, 0) if one["condition"] == "older"} == {"fitting.json", check}
     (copied / "usage.json").write_text("{")
     done = CliRunner().invoke(app, ["state", "check", "--state", str(copied)])
     assert done.exit_code == 1 and "usage.json: DAMAGED" in done.output

@@ -40,7 +40,7 @@ def state_of_a_shop(folder: Path) -> list[bytes]:
     scene.store.settings.set(notice_settings.SECRETS[0], WEBHOOK, "anna")
     scene.store.settings.set(notice_settings.PASSWORD, PASSWORD, "anna")
     scene.store.audit.add("anna", "10.0.0.7", "log in", "", True)
-    scene.store.runs.end(scene.store.runs.begin("part.ngc", "0" * 64), "completed")
+    scene.history.run("part.ngc", "completed")
     setup_data.note(folder, machine_file.load("trunnion"))
     service_store.put(folder, "journal", {"format": 1})
     with contextlib.closing(service_store.ServiceStore(folder)) as store:
@@ -77,7 +77,7 @@ def test_what_helps_is_in_it_and_no_secret(tmp_path: Path) -> None:
     assert parts["runs/0001/run.json"] == b'{"result": "completed"}'
     (asked,) = json.loads(parts["state/service.json"])["requests"]
     assert (asked["verb"], asked["role"], asked["peer"]) == ("mdi", "set_up", "panel")
-    assert json.loads(parts["store.json"])["runs"][0]["program"] == "part.ngc"
+    assert json.loads(parts["state/service.json"])["runs"][0]["program"] == "part.ngc"
     assert machine_file.read(parts["machine.toml"].decode(), "machine.toml").name
     assert b"planted.json" in parts["missing.txt"] and not any("0002" in name for name in parts)
     for name, data in parts.items():

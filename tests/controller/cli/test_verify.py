@@ -114,15 +114,15 @@ def even_rows(ready: str) -> np.ndarray:
     """Rows of both cuts: places at an even feed, their joints as the path has them."""
     made = machine_file.load("trunnion")
     task = checked.task(Path(ready).read_bytes(), ready, made)
-    stretches = checked.stretches(checked.path_of(task, checked.chosen_for(task)))
+    segments = checked.segments(checked.path_of(task, checked.chosen_for(task)))
     parts = []
-    for number, stretch in stretches.items():
-        if stretch.name == "cut":
-            s = np.linspace(0.0, stretch.motion.end, 3000)
+    for number, segment in segments.items():
+        if segment.name == "cut":
+            s = np.linspace(0.0, segment.motion.end, 3000)
             part = np.zeros((len(s), len(ROW)))
             first = COLUMN["joint_command_0"]
-            part[:, first : first + 5] = joints_along(stretch, s, task.kinematics)
-            part[:, COLUMN["line"]], part[:, COLUMN["motion_id"]] = stretch.place.line, number
+            part[:, first : first + 5] = joints_along(segment, s, task.kinematics)
+            part[:, COLUMN["line"]], part[:, COLUMN["motion_id"]] = segment.place.line, number
             part[:, COLUMN["cutting"]] = 1.0
             parts.append(part)
     rows = np.vstack(parts)

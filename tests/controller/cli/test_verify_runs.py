@@ -67,7 +67,7 @@ def test_a_run_with_lost_setpoints_is_judged_as_the_drives_have_cut_it(
     first = int(rows[np.flatnonzero(rows[:, COLUMN["mode"]] == Mode.RUNNING)[0], COLUMN["tick"]])
     driven = trace.from_rows(rows, machine, stepped.kinematics, {}, first_tick=first)
     fitted = passes.Fitted.of(blocks.stream(CONE.encode(), machine, "part.ngc"), machine)
-    surfaces = passes.nominals(told_stretches(bench), fitted)
+    surfaces = passes.nominals(told_segments(bench), fitted)
     ways = passes.traced(driven, machine, fitted, stepped.kinematics, True)
     (judged,) = judge(surfaces, ways)
     assert judged.inside.overcut is not None
@@ -76,11 +76,11 @@ def test_a_run_with_lost_setpoints_is_judged_as_the_drives_have_cut_it(
     assert abs(overcut) > abs(whole["surfaces"][0]["inside"]["overcut"]["mm"]) + 2.0 * COUNT_MM
 
 
-def told_stretches(bench: RecordedBench) -> dict[int, Any]:
+def told_segments(bench: RecordedBench) -> dict[int, Any]:
     from controller.runtime import checked
 
     task = checked.task(CONE.encode(), "part.ngc", bench.machine)
-    return checked.stretches(checked.walk_of(task, None, unchecked=True))
+    return checked.segments(checked.walk_of(task, None, unchecked=True))
 
 
 def test_a_record_keeps_where_the_drives_were_in_whole_counts(healthy: RecordedBench) -> None:

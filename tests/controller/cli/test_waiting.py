@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 from support.fakes.noting_door import NotingDoor
+from support.fakes.written_history import WrittenHistory
 from typer.testing import CliRunner, Result
 
 from controller.__main__ import app
@@ -93,24 +94,26 @@ def test_control_is_given_back_while_it_is_waited(panel: Panel, started: NotingD
     assert run("start").exit_code == 0 and holders and not any(holders)
 
 
-def test_another_run_that_has_begun_since_is_not_taken_for_it(panel: Panel, started: NotingDoor) -> None:
-    kept = panel.store.runs.begin("part.ngc", "0" * 64, record=RUN)
-    panel.store.runs.end(kept, "stopped", line=8, **plain("Stopped in line 8."))
+def test_another_run_that_has_begun_since_is_not_taken_for_it(
+    history: WrittenHistory, started: NotingDoor
+) -> None:
+    history.run("part.ngc", "stopped", record=RUN, line=8, **plain("Stopped in line 8."))
     ends(started, outcome(None), outcome(None, run="another"))
     ran = run("start")
     assert ran.exit_code == 6 and ran.stderr.strip() == "Stopped in line 8."
 
 
 def test_a_service_that_is_gone_leaves_its_end_in_the_list_or_nobody_knows(
-    panel: Panel, started: NotingDoor
+    history: WrittenHistory, started: NotingDoor
 ) -> None:
     ends(started, outcome(None))
     started.then["start"] = lambda: started.refused.update(status=Refusal(503, "gone", "No service."))
     ran = run("start")
     assert ran.exit_code == 8 and "not known" in ran.stderr
-    kept = panel.store.runs.begin("part.ngc", "0" * 64, record=RUN)
-    panel.store.runs.end(kept, "interrupted", **plain("The service ended."))
+    history.run("part.ngc", "interrupted", record=RUN, **plain("The service ended."))
     started.refused.clear()
+    started.then.clear()
+    started.before_status = lambda: started.status.pop("run", None)  # another service, which has run nothing
     ran = run("start")
     assert ran.exit_code == 8 and ran.stderr.strip() == "The service ended."
 

@@ -37,7 +37,7 @@ def test_a_message_comes_out_as_it_went_in() -> None:
     sent = PieceMessage(1, 0.0, {3: move}, (piece, dwell(0.5, 9, stop=True)))
     assert PieceOutbox(plan_end).send(sent)
     inbox = PieceInbox(tick_end)
-    assert inbox.take() == sent and inbox.heard
+    assert inbox.take() == sent and inbox.was_heard()
     assert inbox.take() is None
 
 
@@ -84,7 +84,7 @@ def test_a_dead_planner_reads_as_closed_and_not_as_an_error() -> None:
     plan_end, tick_end = piece_pair()
     inbox = PieceInbox(tick_end)
     plan_end.close()
-    assert inbox.take() is None and inbox.closed and not inbox.heard
+    assert inbox.take() is None and inbox.closed and not inbox.was_heard()
 
 
 def test_long_tables_of_stops_come_in_packets_of_their_own_and_are_the_same_stops() -> None:
@@ -125,6 +125,6 @@ def test_a_tick_takes_no_more_than_so_many_packets_at_once() -> None:
     inbox = PieceInbox(tick_end, packets=2)
     takes = 1
     while inbox.take() is None:
-        assert inbox.heard
+        assert inbox.was_heard() and not inbox.was_heard()
         takes += 1
     assert takes == (packets + 1) // 2

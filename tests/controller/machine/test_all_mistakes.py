@@ -57,6 +57,15 @@ def test_six_mistakes_are_one_answer_in_the_order_of_their_lines() -> None:
     assert german.count("erlaubt: ") == 6 and "did you mean" not in german
 
 
+def test_a_table_of_another_table_is_said_where_it_belongs() -> None:
+    """``[inputs]`` at the top level, where ``[io]`` has them, and a key of an axis."""
+    wrong = f"{TRUNNION}\n{TOOLS}\n[inputs]\ndoor = 3\n[homing]\nmethod = 24\n"
+    with pytest.raises(ConfigError) as refused:
+        machine_file.read(wrong, "m.toml")
+    told = {one.place[-1]: str(one) for one in refused.value.mistakes}
+    assert told["inputs"].endswith("write it in [io].") and told["homing"].endswith("write it in [[axis]].")
+
+
 # What is wrong, and the keys that are refused: what needs them is not told of.
 CAUSES = [
     (('kind = "linear"', 'kind = "liner"'), ["kind"]),

@@ -52,12 +52,12 @@ def test_the_distance_is_that_to_the_nearest_point_of_the_drawn_outline_in_and_o
 @each_shape
 def test_the_outline_is_at_distance_zero_and_as_thick_as_told(tool: Tool) -> None:
     body, drawn = cutter(tool), border(tool)
-    assert np.abs(body.distance(drawn[:, 0], drawn[:, 1])).max() < 1e-6
+    assert np.abs(body.distance(drawn[:, 0], drawn[:, 1])).max() < 1e-12
     side = (drawn[:, 1] > 1e-9) & (drawn[:, 1] < tool.flute_mm - 1e-9)
     assert body.radius(drawn[side, 1]) == pytest.approx(drawn[side, 0], abs=1e-5)
     assert body.widest_mm == pytest.approx(drawn[:, 0].max(), abs=1e-6)
     assert (body.bottom_mm, body.top_mm) == pytest.approx((0.0, tool.flute_mm))
-    assert np.abs(body.distance(*body.outline().T)).max() < 1e-9
+    assert np.abs(body.distance(*body.outline().T)).max() < 1e-12
 
 
 @each_shape

@@ -10,12 +10,12 @@ from support.machines.stepped_runs import shipped
 from controller.machine.kinematics import kinematics_of
 from controller.messages import message
 from controller.plan.foresight import foreseen, twice
-from controller.plan.stretch import Chain, Pause
+from controller.plan.segment import PathItem, Pause
 from controller.program.modal import power_on
 from controller.program.program import Place, ProgramError
 
 
-def pauses(count: int, error: Exception | None = None) -> Iterator[Chain | Pause]:
+def pauses(count: int, error: Exception | None = None) -> Iterator[PathItem]:
     for line in range(count):
         yield Pause(Place(line + 1, 1), power_on().modal)
     if error is not None:

@@ -13,8 +13,8 @@ from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Limits, Machine
 from controller.plan.feed import pace, profile
 from controller.plan.feed.course import FeedCourse
-from controller.plan.path.path import Chain
 from controller.plan.report.planned import planned
+from controller.plan.segment import ContinuousPath
 
 
 def heavy(acceleration: float) -> Machine:
@@ -25,11 +25,11 @@ def heavy(acceleration: float) -> Machine:
     return replace(machine, axes=tuple(axes))
 
 
-def long_way(machine: Machine) -> Chain:
+def long_way(machine: Machine) -> ContinuousPath:
     """Eight circles of 251 mm in one go, faster than they can be run."""
     circles = ["G2 X40. Y0. I-40. F6000."] * 8
     source = "\n".join(["G21 G90 G54 G61", "G0 X40. Y0.", *circles, "M30", ""])
-    return max(chains(source, machine), key=lambda chain: len(chain.stretches))
+    return max(chains(source, machine), key=lambda chain: len(chain.segments))
 
 
 @pytest.mark.parametrize("acceleration", [60.0, pytest.param(20.0, marks=pytest.mark.slow)])
@@ -37,7 +37,7 @@ def test_windows_of_a_heavy_machine_put_together_are_as_fast_as_the_whole(accele
     """The next window joined 1.5 s before the rest of the last, where such a machine has long braked."""
     machine = heavy(acceleration)
     chain = long_way(machine)
-    whole_s = sum(law.duration_s for law in laws_of(chain.stretches, machine))
+    whole_s = sum(law.duration_s for law in laws_of(chain.segments, machine))
     windows_s = [one.took_s for one in planned([chain], machine, kinematics_of(machine))]
     assert len(windows_s) > 2
     assert sum(windows_s) <= 1.01 * whole_s
@@ -47,7 +47,7 @@ def test_windows_of_a_heavy_machine_put_together_are_as_fast_as_the_whole(accele
 def test_a_window_ends_before_its_braking_begins(acceleration: float) -> None:
     machine = heavy(acceleration)
     chain = long_way(machine)
-    run = profile.split_at_stops(chain.stretches, machine, kinematics_of(machine))[0]
+    run = profile.split_at_stops(chain.segments, machine, kinematics_of(machine))[0]
     course = FeedCourse(run, machine, kinematics_of(machine))
     found = profile.plan(course, until=0.6 * course.length)
     assert found is not None
@@ -61,7 +61,7 @@ def test_a_window_ends_before_its_braking_begins(acceleration: float) -> None:
 
 def test_a_quick_machine_goes_on_a_second_and_a_half_before_its_rest() -> None:
     machine = shipped()
-    course = FeedCourse(long_way(machine).stretches, machine, kinematics_of(machine))
+    course = FeedCourse(long_way(machine).segments, machine, kinematics_of(machine))
     found = profile.plan(course)
     assert found is not None and found.duration_s > 4.0
     assert pace.seam_s(course, found) == pytest.approx(found.duration_s - pace.TAIL_S, abs=1e-9)

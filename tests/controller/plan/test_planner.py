@@ -13,8 +13,8 @@ from support.machines.stepped_runs import program, shipped
 from controller.ipc.handoff import Law, Piece
 from controller.machine.model import Machine
 from controller.messages import message
-from controller.plan.path.path import Chain, Pause
 from controller.plan.planner import AHEAD_S
+from controller.plan.segment import ContinuousPath, PathItem
 from controller.program.program import ProgramError
 from controller.state.modes import Mode
 
@@ -248,17 +248,17 @@ def test_with_single_block_each_block_ends_at_rest_with_its_mark() -> None:
 
 def test_the_path_is_read_only_as_far_as_it_is_needed_and_forgotten_behind() -> None:
     bench = PlannerBench("G1 F600. X10.\nM30\n")
-    chain = next(item for item in bench.items if isinstance(item, Chain))
+    chain = next(item for item in bench.items if isinstance(item, ContinuousPath))
     read = 0
 
-    def endless() -> Iterator[Chain | Pause]:
+    def endless() -> Iterator[PathItem]:
         nonlocal read
         back = traced_programs.trace(
-            "G1 F600. X10.\nX0.\nM30\n", bench.machine, chain.stretches[0].start
+            "G1 F600. X10.\nX0.\nM30\n", bench.machine, chain.segments[0].start
         ).items
         while read < 10_000:
             read += 1
-            yield from (item for item in back if isinstance(item, Chain))
+            yield from (item for item in back if isinstance(item, ContinuousPath))
 
     bench.planner.load(endless(), BEGIN_S)
     bench.fill()
@@ -267,13 +267,13 @@ def test_the_path_is_read_only_as_far_as_it_is_needed_and_forgotten_behind() -> 
         bench.at(bench.now.plan_time_s + 0.5)
         bench.fill()
     assert 5 < read < 60
-    assert len(bench.planner._track._kept) < 20 and len(bench.planner.stretches) == 0
+    assert len(bench.planner._track._kept) < 20 and len(bench.planner.segments) == 0
 
 
 def test_a_program_refused_on_the_way_ends_at_rest_and_says_why() -> None:
     bench = PlannerBench(MOVES)
 
-    def refused(items: Iterable[Chain | Pause]) -> Iterator[Chain | Pause]:
+    def refused(items: Iterable[PathItem]) -> Iterator[PathItem]:
         yield from list(items)[:2]
         raise ProgramError("part.ngc", 9, 1, message("path.nothing"))
 

@@ -16,7 +16,7 @@ from controller.machine.model import Joints
 from controller.plan import off_path
 from controller.plan.off_path import SAME, Detour
 from controller.plan.restart.reentry import NotPossible, room_along_axis
-from controller.plan.stretch import Chain, Pause
+from controller.plan.segment import ContinuousPath, PathItem, Pause
 from controller.program.program import Act, Place
 from controller.state.modes import Mode
 
@@ -25,12 +25,12 @@ HELD = (10.0, 60.0, 100.0, 0.3, 0.4)
 PLACE = Place(10, 1)
 
 
-def corners(items: Iterable[Chain | Pause]) -> list[Joints]:
+def corners(items: Iterable[PathItem]) -> list[Joints]:
     """Where a way turns; it ends with a stop."""
     *chains, last = items
     assert isinstance(last, Pause) and last.act is Act.STOP
-    stretches = [chain.stretches[0] for chain in chains if isinstance(chain, Chain)]
-    return [stretches[0].start, *(stretch.end for stretch in stretches)]
+    segments = [chain.segments[0] for chain in chains if isinstance(chain, ContinuousPath)]
+    return [segments[0].start, *(segment.end for segment in segments)]
 
 
 def snapshot(joints: Joints, at_rest: bool = True, mode: Mode = Mode.HOLD) -> Snapshot:

@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from controller.geometry.arrays import Array
 from controller.machine import machine_file
 from controller.machine.model import Machine
 from controller.motion.motions import SurfaceCut
 from controller.plan.rotaries.branch import joints_along
-from controller.plan.stretch import Chain, Stretch
+from controller.plan.segment import ContinuousPath, Segment
 from controller.post.chords import Form, corners, poses
 from controller.post.text import Asked, height_mm, post
 from controller.runtime import checked
-
-Array = NDArray[np.float64]
 
 TWISTED = b"""G21 G90 G54 G61
 T1 M6
@@ -43,11 +41,11 @@ def items(asked: checked.Task) -> list:
     return list(checked.path_of(asked, checked.chosen_for(asked)).items)
 
 
-def stretches(asked: checked.Task) -> list[Stretch]:
-    return [one for item in items(asked) if isinstance(item, Chain) for one in item.stretches]
+def segments(asked: checked.Task) -> list[Segment]:
+    return [one for item in items(asked) if isinstance(item, ContinuousPath) for one in item.segments]
 
 
-def held(asked: checked.Task, row: list[Stretch], height: float, count: int) -> Array:
+def held(asked: checked.Task, row: list[Segment], height: float, count: int) -> Array:
     """Tip and top (N, 6) of the tool along motions, densely, table frame."""
     found = []
     for one in row:
@@ -78,13 +76,13 @@ def test_the_lines_as_the_reader_takes_them_stay_within_the_chord_of_the_cut(
 ) -> None:
     machine = machine_file.load("trunnion")
     ours = task(TWISTED, machine)
-    (cut,) = [one for one in stretches(ours) if isinstance(one.motion, SurfaceCut)]
+    (cut,) = [one for one in segments(ours) if isinstance(one.motion, SurfaceCut)]
     height = height_mm(cut, machine.tools[0])
     text = post(
         items(ours), [(0, machine.tools[0])], Asked(machine, ours.kinematics, form, chord_mm, 0, False)
     )
     read = task(text.encode(), machine)
-    lines = [one for one in stretches(read) if one.feed_mm_s is not None]
+    lines = [one for one in segments(read) if one.feed_mm_s is not None]
     there = held(read, lines, height, 60)
     wanted = held(ours, [cut], height, 4001)
     assert 0.5 * chord_mm < apart(wanted, there) <= 1.02 * chord_mm + 1e-5
@@ -96,7 +94,7 @@ def test_chords_are_as_long_as_they_may_be() -> None:
     machine = machine_file.load("trunnion")
     whole = b"T1 M6\nS8000 M3\nG51 X10. Y0. Z0. I0. J0. K0. H6. R10. D180. F600.\nM30\n"
     ours = task(whole, machine)
-    (cut,) = [one for one in stretches(ours) if isinstance(one.motion, SurfaceCut)]
+    (cut,) = [one for one in segments(ours) if isinstance(one.motion, SurfaceCut)]
     s, joints = corners(cut, ours.kinematics, Form.TIP, 0.0, 6.0, 0.01)
     radius = 10.0 + machine.tools[0].radius_mm
     least = np.pi / (2.0 * np.arccos(1.0 - 0.01 / radius))

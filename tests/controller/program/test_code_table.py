@@ -13,7 +13,7 @@ from support.oracles import reference_interpreter
 from support.suite.cases import each
 
 from controller.machine.model import AnalogueOut, Io, Machine, Orient
-from controller.program import blocks, code_table
+from controller.program import blocks
 from controller.program.code_rows import Code, Fate
 from controller.program.code_table import BY_DIALECT, ROWS
 from controller.program.program import JointLine, ProgramError, Remark
@@ -91,10 +91,66 @@ def test_what_the_table_says_of_a_code_comes_of_it(row: Code) -> None:
         assert len(blocks.read((line * 3).encode(), on, "p.ngc").blocks) == 4  # told once
 
 
+# Where a code is tried; those that are not named here, in ``test_each_code`` and ``test_code_table``.
+_EACH, _NOT_DONE = "program/test_each_code.py", "program/test_code_table.py"
+_TESTS = {
+    "program/test_plain.py": "G0 G1 G2 G3 G4 G17 G20 G21 G93 G94 M3 M8",
+    "program/test_plane_words.py": "G18 G53 G68.2 G68.3 G53.1 G53.3 G53.6",
+    "program/test_tilted_planes.py": "G68.4 G69",
+    "program/test_cycles.py": "G73 G74 G81 G82 G83 G84 G85 G86 G89 G98 G99 G19 M4 M5",
+    "program/test_boring.py": "G76 G87",
+    "program/test_threads.py": "G33 G33.1 M29",
+    "program/test_blocks.py": "G51 G61 G64 M6 M30",
+    "program/test_shifts.py": "G52",
+    "program/test_nurbs.py": "G6.2",
+    "program/test_spline_words.py": "G5 G5.1 G5.2 G5.3",
+    "program/test_offset_words.py": "G10 G28 G28.1 G30 G43 G43.1 G43.2 G44 G54.1 G68 G91 G92 M61",
+    "program/test_compensation.py": "G40 G41 G42 G41.1 G42.1 G43.4 G54 G55 G90",
+    "program/test_pocket_words.py": "G12 G13",
+    "program/test_lenient_words.py": " ".join(f"G{110 + i}" for i in range(20)),
+    "program/test_mirror_and_polar.py": "G51.1 G50.1 G15 G16",
+    "program/test_dynamic_offset.py": "G254 G255 G54.2",
+    "program/test_posts.py": "G80 G154 G234",
+    "program/test_parameters.py": "G90.1 G95 M70 M72 M73",
+    "program/test_modal.py": "M48 M49 M50 M51 M52 M53",
+    "program/test_line_words.py": "G38.2 G38.3 G38.4 G38.5 G31",
+    "program/test_flow.py": "M98 M99",
+    "program/test_own_codes.py": "M97 M198",
+    "program/test_macro_calls.py": "G65 G66 G67",
+    "tick/test_outputs.py": "M10 M11 M62 M63 M64 M65 M66",
+    "tick/test_analogue_outputs.py": "M19 M67 M68",
+    "machine/test_changes.py": "G30.1 G92.3",
+}
+TEST_OF = {name: file for file, names in _TESTS.items() for name in names.split()}
+
+
+def _test_of(row: Code) -> str:
+    """The file of tests, in tests/controller, that shows what comes of a code."""
+    return TEST_OF.get(row.name, _NOT_DONE if row.fate is not Fate.DONE else _EACH)
+
+
+def _markdown_table() -> str:
+    """The table as the README of the programs shows it."""
+    head = ["| code | dialect | from | what it is | here | test |", "|---|---|---|---|---|---|"]
+    return "\n".join([*head, *(_markdown(row) for row in sorted(ROWS, key=_order)), ""])
+
+
+def _order(row: Code) -> tuple[str, float, str]:
+    return row.name[0], float(row.name[1:]), row.dialect
+
+
+def _markdown(row: Code) -> str:
+    here = {Fate.DONE: "", Fate.NOTED: "noted: ", Fate.REFUSED: "refused: "}[row.fate] + (row.told or "done")
+    if row.only:
+        here = f"with {row.only} {here} Else refused: {row.instead}"
+    told = (row.name, row.dialect or "both", row.source, row.meaning, here, f"`{_test_of(row)}`")
+    return f"| {' | '.join(told)} |"
+
+
 def test_the_readme_has_the_table() -> None:
     text = README.read_text(encoding="utf-8")
     begin, end = (text.index(mark) for mark in ("<!-- codes -->\n", "<!-- end of codes -->"))
-    assert text[begin:end].split("\n", 1)[1] == code_table.markdown()
+    assert text[begin:end].split("\n", 1)[1] == _markdown_table()
 
 
 def test_every_row_has_words_for_people() -> None:
@@ -113,11 +169,11 @@ def test_the_file_of_tests_that_the_table_names_is_there_and_tries_the_code(row:
     said = re.compile(
         rf"(?:(?<![A-Za-z0-9.])|(?<=\\n))[{letter}{letter.lower()}]0?{number}(?![0-9]|[.][0-9])"
     )
-    assert said.search((TESTS / code_table.test_of(row)).read_text(encoding="utf-8"))
+    assert said.search((TESTS / _test_of(row)).read_text(encoding="utf-8"))
 
 
 def test_no_code_is_named_for_a_test_that_the_table_does_not_have() -> None:
-    assert set(code_table.TEST_OF) <= {row.name for row in ROWS}
+    assert set(TEST_OF) <= {row.name for row in ROWS}
 
 
 # Codes that are noted or refused, in lines as programs have them: the code is to blame, not its words.

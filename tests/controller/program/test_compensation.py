@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 import shapely
 from support.machines.interrupted_runs import rest_of
-from support.machines.traced_programs import mill, stretches
+from support.machines.traced_programs import mill, segments
 
 from controller.machine import machine_file
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
 from controller.plan.path import path
 from controller.plan.restart.program_position import Spot
+from controller.plan.rotaries.branch import joints_along
 from controller.program import blocks
 from controller.program.position import homed
 from controller.program.program import (
@@ -353,9 +354,9 @@ def test_the_shipped_contour_keeps_its_distance_from_the_plate_on_the_machine(di
     read = blocks.read(machine_file.shipped_program("contour").read_bytes(), on, "contour.ngc")
     traced = path.trace(read, on, kinematics_of(on), homed(on))
     frame, kinematics, away = on.offsets[0], kinematics_of(on), []
-    for stretch in stretches(traced):
-        if stretch.feed_mm_s is not None and 11 <= stretch.place.line <= 24:
-            joints = path.joints_along(stretch, np.linspace(0.0, stretch.motion.end, 50), kinematics)
+    for segment in segments(traced):
+        if segment.feed_mm_s is not None and 11 <= segment.place.line <= 24:
+            joints = joints_along(segment, np.linspace(0.0, segment.motion.end, 50), kinematics)
             for row in joints:
                 x, y, _ = frame.from_parent((row[0], row[1], row[2]))
                 away.append(_PLATE.exterior.distance(shapely.Point(x, y)))

@@ -9,11 +9,11 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from support.oracles.tilted_planes import turned_about
 from support.suite import seed
 
+from controller.geometry.arrays import Array
 from controller.machine import machine_file
 from controller.machine.model import Kind, Machine
 from controller.plan.report import explained
@@ -23,7 +23,6 @@ from controller.program.carried import InForce, after_line
 from controller.program.position import homed
 from controller.program.program import ProgramError
 
-Array = npt.NDArray[np.float64]
 TABLES = ("trunnion", "xyzac_linuxcnc", "table_head", "oblique45", "machining_centre")
 NO_TABLE = ("head_head", "three_axes")
 EXACT = 1e-9

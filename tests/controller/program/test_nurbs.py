@@ -13,7 +13,8 @@ from support.parts.nurbs_text import Written, bezier, blade, clamped, nurbs
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
 from controller.motion.motions import SurfaceCut
-from controller.plan.path.path import Path, joints_along
+from controller.plan.rotaries.branch import joints_along
+from controller.plan.segment import Path
 from controller.program import blocks
 from controller.program.program import CutNurbs, ProgramError
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from support.machines.traced_programs import mill, stretches, trace
+from support.machines.traced_programs import mill, segments, trace
 from support.oracles import reference_interpreter
 
 from controller.machine.model import Machine
@@ -184,7 +184,7 @@ def test_the_path_goes_where_the_reader_says() -> None:
     on = mill(unset=())
     read = blocks.read(text.encode(), on, "p.ngc", start=(0.0, 0.0, 200.0, 0.0, 0.0))
     told = [s for s in explained.steps(read.blocks, on, "p.ngc", (0.0, 0.0, 200.0, 0.0, 0.0))]
-    planned = [on.shown(stretch.end) for stretch in stretches(trace(text, on))]
+    planned = [on.shown(segment.end) for segment in segments(trace(text, on))]
     said = [tuple(step.axes.values()) for step in told if step.kind in ("rapid", *explained.LINES)]
     moving = [
         b for a, b in zip([None, *said], said, strict=False) if a is None or b != pytest.approx(a, abs=1e-9)
@@ -231,6 +231,6 @@ def test_behind_a_surface_words_make_the_position_known_again() -> None:
 
 
 def test_g10_changes_the_tool_that_cuts_surfaces() -> None:
-    cut = stretches(trace(f"G10 L1 P1 R2\n{CONE}", mill(unset=())))
+    cut = segments(trace(f"G10 L1 P1 R2\n{CONE}", mill(unset=())))
     motions = [s.motion for s in cut if s.cutting]
     assert [getattr(motion, "offset_mm", None) for motion in motions] == [2.0]

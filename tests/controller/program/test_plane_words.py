@@ -7,7 +7,7 @@ import random
 from dataclasses import replace
 
 import pytest
-from support.machines.traced_programs import mill, stretches, trace
+from support.machines.traced_programs import mill, segments, trace
 from support.oracles import reference_interpreter
 
 from controller.geometry.vectors import subtract
@@ -129,9 +129,9 @@ def test_distances_arcs_and_their_planes_are_those_of_the_tilted_plane() -> None
     assert place(begin + "G2 X2 Y2 R2 F9\n") == pytest.approx((2, 0, 2), abs=1e-9)
     arc = steps(begin + "G18 G3 X4 I2 F9\n", on())[-1]
     assert arc.facts["centre"] == {"X": pytest.approx(2.0), "Z": pytest.approx(0.0)}
-    middle = stretches(trace(begin + "G18 G3 X4 Z0 I2 F9\n", on(), homed(on())))[-1].motion.curve.at(0.5)  # type: ignore[union-attr]
-    there = stretches(trace(begin + "G1 X2 Z2 F9\n", on(), homed(on())))[-1].end
-    below = stretches(trace(begin + "G1 X2 Z-2 F9\n", on(), homed(on())))[-1].end
+    middle = segments(trace(begin + "G18 G3 X4 Z0 I2 F9\n", on(), homed(on())))[-1].motion.curve.at(0.5)  # type: ignore[union-attr]
+    there = segments(trace(begin + "G1 X2 Z2 F9\n", on(), homed(on())))[-1].end
+    below = segments(trace(begin + "G1 X2 Z-2 F9\n", on(), homed(on())))[-1].end
     off = [max(map(abs, subtract(middle, end[:3]))) for end in (there, below)]
     assert min(off) < 1e-9 < max(off)
 
@@ -205,7 +205,7 @@ def test_the_tip_stands_all_the_way_of_g53_6() -> None:
     for name in ("trunnion", "head_head", "table_head", "oblique45"):
         machine = on("fanuc", name)
         kinematics = kinematics_of(machine)
-        made = stretches(trace("G43.1 Z20\nG0 X0 Y0 Z60\nG68.2 I20 J40\nG53.6\n", machine, homed(machine)))
+        made = segments(trace("G43.1 Z20\nG0 X0 Y0 Z60\nG68.2 I20 J40\nG53.6\n", machine, homed(machine)))
         turn = made[-1]
         assert turn.feed_mm_s is None
         tips = []
@@ -241,7 +241,7 @@ def test_surfaces_are_turned_with_the_plane() -> None:
         frame = block.modal.frame(on())
         assert frame.origin == (5.0, 6.0, 0.0) and frame.z == pytest.approx((0.0, -0.5, math.sqrt(0.75)))
     made = trace("S1000 M3\nG68.2 X5. Y6. J30.\n" + cone, mill(dialect="fanuc", without_point="unit"))
-    (cut,) = (s for s in stretches(made) if s.name == "cut")
+    (cut,) = (s for s in segments(made) if s.name == "cut")
     assert cut.motion.part.z == pytest.approx((0.0, -0.5, math.sqrt(0.75)))  # type: ignore[union-attr]
 
 
@@ -261,7 +261,7 @@ def test_a_cycle_goes_along_the_tool_or_is_refused() -> None:
 def test_rows_under_g64_follow_the_plane_too() -> None:
     row = "G64 P0.01\nG1 X10 F600\nX20 Y1\nX30 Y3\nX40 Y6\n"
     machine = on()
-    made = stretches(trace("G68.2 I30 J40\nG53.1\nG0 X0 Y0 Z0\n" + row, machine, homed(machine)))
+    made = segments(trace("G68.2 I30 J40\nG53.1\nG0 X0 Y0 Z0\n" + row, machine, homed(machine)))
     tip = kinematics_of(machine).forward(made[-1].end, 0.0).tip
     assert tip == pytest.approx(place("G68.2 I30 J40\nG53.1\nG0 X40 Y6 Z0\n"), abs=1e-9)
 

@@ -13,7 +13,7 @@ from controller.machine.model import Machine
 from controller.machine.spindle import unasked
 from controller.plan.path import path
 from controller.plan.report import explained
-from controller.plan.stretch import Chain
+from controller.plan.segment import ContinuousPath
 from controller.program import blocks
 from controller.program.position import homed
 from controller.program.program import JointLine, ProgramError
@@ -69,7 +69,7 @@ def test_a_post_runs_unedited(post: Path) -> None:
     assert len(cut) == feeds
     traced = path.trace(read, on, kinematics_of(on), homed(on))
     assert on.shown(traced.end) == pytest.approx(ends)
-    assert any(isinstance(item, Chain) for item in traced.items)
+    assert any(isinstance(item, ContinuousPath) for item in traced.items)
 
 
 def test_every_post_has_its_row() -> None:

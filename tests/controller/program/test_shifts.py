@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 
 import pytest
-from support.machines.traced_programs import mill, sentences, stretches, trace
+from support.machines.traced_programs import mill, segments, sentences, trace
 from support.suite.cases import each
 
 from controller.motion.motions import ToolSpline
@@ -71,12 +71,12 @@ def test_zeros_before_anything_else_cancel_nothing_and_are_told(after: str) -> N
         traced = trace(f"G1 X5. F100.\nG52 {place}\n{after}", MILL)
         assert "none is in force here" in sentences(traced)
         plain = trace(f"G1 X5. F100.\n{after}", MILL)
-        assert [s.end for s in stretches(traced)] == [s.end for s in stretches(plain)]
+        assert [s.end for s in segments(traced)] == [s.end for s in segments(plain)]
 
 
 def test_a_cancel_does_not_interrupt_a_row_of_lines() -> None:
     text = "G64 P0.01 G1 X10. F600.\nX20. Y1.\n{}G1 X30. Y3.\nX40. Y6.\n"
-    found = [stretches(trace(text.format(cancel), MILL)) for cancel in ("", "G52 X0 Y0 Z0\n")]
+    found = [segments(trace(text.format(cancel), MILL)) for cancel in ("", "G52 X0 Y0 Z0\n")]
     assert [[s.motion.end for s in row] for row in found[:1]] == [
         [s.motion.end for s in row] for row in found[1:]
     ]

@@ -10,34 +10,34 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.interpolate import BSpline as Reference
-from support.machines.traced_programs import mill, stretches, trace
+from support.machines.traced_programs import mill, segments, trace
 from support.oracles import reference_interpreter
 from typer.testing import CliRunner
 
 from controller.__main__ import app
+from controller.geometry.arrays import Array
 from controller.geometry.vectors import Frame
 from controller.machine.kinematics import kinematics_of
-from controller.plan.path.path import Chain, Stretch, joints_along
 from controller.plan.report import explained
+from controller.plan.rotaries.branch import joints_along
+from controller.plan.segment import ContinuousPath, Segment
 from controller.plan.surfaces.rates import derivatives
 from controller.program import blocks
 from controller.program.position import homed
 from controller.program.program import ProgramError
 
-Array = NDArray[np.float64]
 MILL = mill()
 KINEMATICS = kinematics_of(MILL)
 HEAD = "G21 G90 G17 G55 F600\nG0 X3 Y-2 Z5\n"
 SAME_MM = 1e-6
 
 
-def curve(text: str, on: object = MILL) -> list[Stretch]:
-    return [s for s in stretches(trace(HEAD + text, on)) if s.name == "curve"]  # type: ignore[arg-type]
+def curve(text: str, on: object = MILL) -> list[Segment]:
+    return [s for s in segments(trace(HEAD + text, on)) if s.name == "curve"]  # type: ignore[arg-type]
 
 
-def places(found: list[Stretch], each: int = 200) -> Array:
+def places(found: list[Segment], each: int = 200) -> Array:
     rows = [joints_along(s, np.linspace(0.0, s.motion.end, each), KINEMATICS) for s in found]
     return np.concatenate(rows)
 
@@ -150,8 +150,10 @@ def test_a_second_g5_goes_on_in_the_direction_of_the_first() -> None:
     went_on = places(curve(first + "M8\nG5 X20 Y5 P1 Q-4\n"))
     written = places(curve(first + "G5 X20 Y5 I3 J-1 P1 Q-4\n"))
     assert np.abs(went_on - written).max() < 1e-12
-    chains = [i for i in trace(HEAD + first + "G5 X20 Y5 P1 Q-4\n", MILL).items if isinstance(i, Chain)]
-    assert [len(chain.stretches) for chain in chains][-1] == 2  # no stop where they meet
+    chains = [
+        i for i in trace(HEAD + first + "G5 X20 Y5 P1 Q-4\n", MILL).items if isinstance(i, ContinuousPath)
+    ]
+    assert [len(chain.segments) for chain in chains][-1] == 2  # no stop where they meet
 
 
 @pytest.mark.parametrize("between", ["G1 X11", "G80", "G0 X12\nG80", "G5.1 X11 I1 J1", "G2 X12 I1", "X12"])

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 from support.machines.stepped_runs import SHIPPED, shipped
 from support.oracles import tilted_planes
-from support.oracles.tilted_planes import Array, Bench
+from support.oracles.tilted_planes import Bench
 
+from controller.geometry.arrays import Array
 from controller.machine.model import Machine
 from controller.plan.report import explained
 from controller.plan.report.explained import Step

@@ -20,7 +20,7 @@ from controller.machine import machine_file
 from controller.machine.model import Joints
 from controller.messages import message
 from controller.plan.restart.program_position import Spot
-from controller.plan.stretch import Note
+from controller.plan.segment import Note
 from controller.program import linked
 from controller.program.program import Place
 from controller.runtime.events import Event

@@ -7,8 +7,8 @@ import pytest
 from support.machines.interrupted_runs import EXAMPLE_2
 from support.machines.stepped_runs import shipped
 
-from controller.plan.path.path import Chain, Pause
 from controller.plan.restart.program_position import Spot
+from controller.plan.segment import ContinuousPath, Pause
 from controller.program.program import ProgramError
 from controller.runtime import checked
 
@@ -24,8 +24,8 @@ def test_a_dry_run_of_the_whole_program_is_its_path_with_every_cut_off_the_part(
         if isinstance(b, Pause):
             assert b.modal.spindle_rev_min == 0.0 and b.modal.coolant == 0
             continue
-        assert isinstance(a, Chain)
-        for one, other in zip(a.stretches, b.stretches, strict=True):
+        assert isinstance(a, ContinuousPath)
+        for one, other in zip(a.segments, b.segments, strict=True):
             if one.cutting:
                 way = np.subtract(other.start, one.start)
                 assert np.abs(way - [0.0, 0.0, 20.0, 0.0, 0.0]).max() < 1e-9, "this machine's tool axis is Z"
@@ -40,7 +40,7 @@ def test_an_impossible_offset_of_a_dry_run_is_refused(by_mm: float) -> None:
 def test_the_rest_of_a_program_begins_at_the_place_with_the_choices_of_its_check() -> None:
     asked = task()
     rest = checked.rest_of(asked, checked.chosen_for(asked), Spot(19, 0.5))
-    whole = checked.stretches(checked.path_of(asked, checked.chosen_for(asked)))
-    first = next(item for item in rest.items if isinstance(item, Chain))
+    whole = checked.segments(checked.path_of(asked, checked.chosen_for(asked)))
+    first = next(item for item in rest.items if isinstance(item, ContinuousPath))
     assert first.first_id == rest.spot.motion_id and first.from_s == rest.spot.s
-    assert first.stretches[0].start == whole[rest.spot.motion_id].start
+    assert first.segments[0].start == whole[rest.spot.motion_id].start

@@ -32,7 +32,7 @@ from controller.service.thread_guard import InThread
 from controller.service.watchdog import LastSecond, Pulse
 from controller.state.modes import Fault, Mode, Request, sentence
 from controller.state.requests import Outcome, answer
-from controller.store import set_up_store
+from controller.store import history, set_up_store
 
 TEXT = "G21 G90 G54\nG1 X10. F3000\nG1 X20.\nM30\n"
 TOOL = {"number": 2, "name": "", "radius_mm": 1.4, "length_mm": 8.0, "flute_mm": 15.0}
@@ -1019,13 +1019,14 @@ def test_a_run_that_ended_early_is_told_until_somebody_has_seen_it_or_another_be
     assert messages.text(now["run"]).startswith(told)
     assert messages.text(now["ended_early"]).startswith(told), now["ended_early"]
     service.writer.submit(lambda: None).result(HANGS_S)
-    (run,) = done(desk, "runs")["runs"]
+    with history.reading(service.state) as past:
+        (run,) = (one.facts for one in past.runs())
     kept = messages.text(messages.Message(key=run["key"], values=run["values"]))
     assert kept and (told.split(". ", 1)[-1][:20] in kept), "and the list of runs has it, too"
     done(desk, "seen")
     assert done(desk, "status")["ended_early"] is None
     assert done(desk, "status")["run"] == now["run"], "a script may ask later than the operator looks"
-    assert run["id"] == now["run"]["id"]
+    assert run["record"] == now["run"]["id"]
 
 
 def test_a_line_by_hand_that_ended_early_is_told_as_it_was_typed(

@@ -89,9 +89,9 @@ def test_a_hold_is_taken_at_once_while_a_large_program_is_planned(service: Servi
     service.until(lambda now: now["mode"] == "RUNNING")
     service.ask("stop")
     service.ended()
-    service.until(lambda _: service.ask("runs")["runs"])
-    run = service.ask("runs")["runs"][0]
-    lines = (service.state / "runs" / run["id"] / "events.jsonl").read_text().splitlines()
+    service.until(lambda _: service.runs())
+    run = service.runs()[0].facts
+    lines = (service.state / "runs" / run["record"] / "events.jsonl").read_text().splitlines()
     events = [json.loads(line) for line in lines]
     taken = [run["first_tick"] + event["tick"] for event in events if event["request"] == "hold"]
     assert len(taken) == HOLDS

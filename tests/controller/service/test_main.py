@@ -68,10 +68,10 @@ def test_programs_run_one_after_another_and_leave_records(service: Serving) -> N
     now = service.ended()
     assert now["joints"]["X"]["machine"] == pytest.approx(0.0 + 8.0, abs=1e-6)  # G54
     assert now["job"]["name"] == "part.ngc"
-    service.until(lambda _: len(service.ask("runs")["runs"]) == 3, "three records")
-    newest, *older = service.ask("runs")["runs"]
-    assert newest["name"] == "MDI" and {run["name"] for run in older} == {"part.ngc"}
-    assert all(run["result"] == "completed" and run["ticks"] > 10 for run in (newest, *older))
+    service.until(lambda _: len(service.runs()) == 3, "three records")
+    newest, *older = service.runs()
+    assert newest.program == "MDI" and {run.program for run in older} == {"part.ngc"}
+    assert all(run.result == "completed" and run.facts["ticks"] > 10 for run in (newest, *older))
 
 
 def test_the_time_left_is_that_of_the_check_and_ends_at_nothing(service: Serving) -> None:
@@ -79,9 +79,9 @@ def test_the_time_left_is_that_of_the_check_and_ends_at_nothing(service: Serving
     planned_s = service.status()["job"]["duration_s"]
     service.done("start")
     service.ended()
-    run = service.until(lambda _: service.ask("runs")["runs"][0]["name"] == "part.ngc") and None
-    run = service.ask("runs")["runs"][0]
-    assert planned_s > 0.1 and abs(run["duration_s"] - planned_s) < 5.0
+    service.until(lambda _: service.runs()[0].program == "part.ngc")
+    run = service.runs()[0]
+    assert planned_s > 0.1 and abs(run.facts["duration_s"] - planned_s) < 5.0
 
 
 def test_hold_resume_override_and_stop(service: Serving) -> None:
@@ -100,10 +100,10 @@ def test_hold_resume_override_and_stop(service: Serving) -> None:
     service.ask("stop")
     assert service.ended()["job"]["state"] == "stopped"
     service.ask("override", share=1.0)
-    service.until(lambda _: service.ask("runs")["runs"][0]["name"] == "long.ngc")
-    run = service.ask("runs")["runs"][0]
-    assert run["result"] == "stopped"
-    folder = service.state / "runs" / run["id"]
+    service.until(lambda _: service.runs()[0].program == "long.ngc")
+    run = service.runs()[0]
+    assert run.result == "stopped"
+    folder = service.state / "runs" / run.facts["record"]
     events = [json.loads(line) for line in (folder / "events.jsonl").read_text().splitlines()]
     operators = [event["request"] for event in events if event["request"] not in NOT_ASKED]
     assert operators == ["hold", "override", "resume", "stop"]

@@ -11,7 +11,7 @@ from support.machines.stepped_runs import shipped
 
 from controller.ipc.control_socket import CommandRefused
 from controller.machine.model import Machine
-from controller.plan.stretch import Pause
+from controller.plan.segment import Pause
 from controller.program.program import Act, ProgramError
 from controller.runtime import checked
 from controller.service.command_handlers import CommandHandlers

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from support import older_state
 from support.fakes.fake_engine import served
 from support.machines.stored_tools import StoredTools
 
@@ -32,9 +31,9 @@ USED = {
 
 def write(state: Path, *alarms: dict[str, Any]) -> None:
     state.mkdir(exist_ok=True)
-    older_state.write(state / "usage.json", USED)
-    older_state.write(state / "probed.json", [BORE])
-    older_state.write(state / "durations.json", {"Grip": [0.8, 0.9]})
+    sealed_file.write(state / "usage.json", USED)
+    sealed_file.write(state / "probed.json", [BORE])
+    sealed_file.write(state / "durations.json", {"Grip": [0.8, 0.9]})
     (state / "alarms.jsonl").write_text("".join(sealed_file.line(one) for one in alarms or (ALARM,)))
 
 
@@ -86,7 +85,7 @@ def test_touches_of_each_version_before_are_taken_over(tmp_path: Path) -> None:
         if name == "touches.csv":
             (state / name).write_text("line,X\n5,1.0\n")
         else:
-            older_state.write(state / name, lines)
+            sealed_file.write(state / name, lines)
         store = ServiceStore(state)
         assert older_files.take_over(store, state) == [] and document_of(state, "touches") == lines
         assert (state / f"{name}.older").exists() and not (state / name).exists()
@@ -103,18 +102,7 @@ def test_a_file_of_before_that_is_not_sound_is_put_aside_and_reported(
     store = ServiceStore(tmp_path)
     (loss,) = older_files.take_over(store, tmp_path)
     assert loss["key"] == "file_damaged" and (tmp_path / f"{name}.damaged1").read_text() == text
-    assert not store.rows("SELECT 1 FROM documents") and older_files.take_over(store, tmp_path) == []
-
-
-def test_of_a_damaged_file_of_before_the_generation_before_it_counts(tmp_path: Path) -> None:
-    write(tmp_path)
-    older_state.write(tmp_path / "usage.json", {**USED, "hours": {"motion": 9.0}})
-    text = (tmp_path / "usage.json").read_text()
-    (tmp_path / "usage.json").write_text(text.replace("9.0", "8.0"))
-    store = ServiceStore(tmp_path)
-    (loss,) = older_files.take_over(store, tmp_path)
-    assert loss["key"] == "file_before"
-    assert store.document("usage", lambda found: found, None) == USED
+    assert not store.has(name.removesuffix(".json")) and older_files.take_over(store, tmp_path) == []
 
 
 def test_an_alarm_of_before_that_cannot_be_read_costs_no_other(tmp_path: Path) -> None:
@@ -210,14 +198,13 @@ FITTED = {"offsets": {"G55": {"origin_mm": [1.0, 2.0, 3.0]}}}
 TAPPED = {"turns": 7.4, "pitch_mm": 1.0, "line": 12, "program": "plate.ngc"}
 
 
-def write_set_up(state: Path, *, last: bool = True) -> None:
-    """What was set up, an earlier one first; then, without ``last``, the newest of each is damaged."""
+def write_set_up(state: Path, *, sound: bool = True) -> None:
+    """What was set up; without ``sound`` each of it is damaged."""
     state.mkdir(exist_ok=True)
-    for tool in (4, 2):
-        older_state.write(state / "fitting.json", {**FITTED, "parameters": {"500": float(tool)}})
-        older_state.write(state / "in_spindle", tool)
-        older_state.write(state / "thread.json", TAPPED)
-    for name in () if last else ("fitting.json", "in_spindle", "thread.json"):
+    sealed_file.write(state / "fitting.json", {**FITTED, "parameters": {"500": 2.0}})
+    sealed_file.write(state / "in_spindle", 2)
+    sealed_file.write(state / "thread.json", TAPPED)
+    for name in () if sound else ("fitting.json", "in_spindle", "thread.json"):
         (state / name).write_bytes((state / name).read_bytes()[:-9])
 
 
@@ -234,12 +221,11 @@ def test_what_was_set_up_and_a_tool_in_a_thread_are_known_as_before(tmp_path: Pa
     assert not {"fitting.json", "in_spindle", "thread.json"} & {path.name for path in state.iterdir()}
 
 
-def test_of_what_was_set_up_the_one_before_counts_but_never_of_tool_and_thread(tmp_path: Path) -> None:
+def test_of_what_was_set_up_nothing_damaged_counts_and_the_operator_must_confirm(tmp_path: Path) -> None:
     state = tmp_path / "state"
-    write_set_up(state, last=False)
+    write_set_up(state, sound=False)
     service = served(tmp_path)
-    assert service.set_up.fitted["parameters"] == {"500": 4.0}
+    assert service.set_up.fitted == {}
     assert service.set_up.tool == 0 and service.thread.found == UNKNOWN
-    keys = sorted(alarm["key"] for alarm in service.alarms.list())
-    assert keys == ["file_before", "file_damaged", "file_damaged"]
+    assert [alarm["key"] for alarm in service.alarms.list()] == ["file_damaged"] * 3
     service.close()

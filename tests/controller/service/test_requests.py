@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import itertools
 import json
 import os
 import socket
@@ -14,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from support.fakes.fake_engine import served
+from support.fakes.fake_engine import engine_of, served
 from support.fakes.panels import Scene, take_control
 
 from controller import own_database
@@ -24,11 +25,14 @@ from controller.commands.table import ALL
 from controller.ipc import asker
 from controller.ipc.asker import Asker
 from controller.ipc.control_socket import Client, CommandRefused
+from controller.messages import message
+from controller.program import linked
 from controller.service import requests, socket_server
 from controller.service.command_handlers import CommandHandlers
 from controller.service.requests import Requests
 from controller.service.service import Service
 from controller.service.socket_server import Server
+from controller.state.modes import Mode, Request
 from controller.store import service_store
 
 MAY = {
@@ -105,6 +109,25 @@ def test_what_the_panel_asks_for_is_noted_with_user_role_and_address(desk: Desk,
     assert all(user == "token script-operate" for user, *_ in found)
 
 
+def test_alarms_are_acknowledged_by_whom_the_panel_names_and_files_loaded_for_the_user_at_the_socket(
+    desk: Desk, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    desk.service.alarms.add("TEST", message("stopped"))
+    desk.client.ask_for(Asker("anna", "operate"), "acknowledge", {"id": 1})
+    assert desk.service.alarms.list()[0]["acknowledged_by"] == "anna"
+    lost = message("users_lost_some", were=3, are=1)
+    for _ in range(2):
+        desk.client.ask("panel_damaged", **lost)
+    newest, _ = desk.service.alarms.list()
+    assert (newest["name"], newest["key"], newest["values"]) == ("STORE_DAMAGED", *lost.values())
+    (tmp_path / "a.ngc").write_text("M2\n")
+    desk.client.ask("load", path=str(tmp_path / "a.ngc"))
+    monkeypatch.setattr(socket_server, "of_socket", lambda own: (64002, os.getegid()))
+    with contextlib.closing(Client(desk.path, 20.0)) as other, pytest.raises(CommandRefused) as refused:
+        other.ask("load", path=str(tmp_path / "a.ngc"))
+    assert refused.value.said["key"] == "unreadable"
+
+
 def test_who_names_nobody_is_the_user_at_the_socket_and_who_names_him_wrongly_is_refused(desk: Desk) -> None:
     with contextlib.suppress(CommandRefused):
         desk.client.ask("stop")
@@ -145,6 +168,17 @@ def test_what_is_sent_while_a_key_is_held_is_noted_once_and_no_flood_is_kept(
     assert len(desk.rows()) <= 50 and desk.rows()[-1]["user"] == "user119"
 
 
+def test_a_disk_that_takes_its_time_keeps_nobody_from_looking_or_from_a_stop(desk: Desk) -> None:
+    """What is noted of it is written afterwards."""
+    taken, engine = (Request.HOLD, Request.STOP, Request.ESTOP), engine_of(desk.service)
+    engine.now = engine.now._replace(mode=Mode.RUNNING)
+    with desk.service.store.write():
+        for verb in ("status", "facts", "hold", "stop", "estop", "status"):
+            desk.client.ask(verb)
+    assert [one for one in engine.requests if one in taken] == [*taken]
+    assert [row["verb"] for row in desk.rows()] == ["hold", "stop", "estop"]
+
+
 def test_what_is_refused_after_its_answer_was_promised_is_noted_so(desk: Desk) -> None:
     for error, code in ((CommandRefused("refused", "No."), "refused"), (KeyError("x"), "error"), (None, "")):
         promise: Future[dict[str, Any]] = Future()
@@ -157,6 +191,54 @@ def test_what_is_refused_after_its_answer_was_promised_is_noted_so(desk: Desk) -
         else:
             promise.set_exception(error)
         assert [row["refused"] for row in desk.rows()[len(before) :]] == ([code] if code else [])
+
+
+ENDLESS = "/proc/self/pagemap"  # a regular file of no size
+WORDS = (
+    "",
+    "X",
+    "G54",
+    "G1 X1 F100",
+    "9" * 5000,
+    "a\0b",
+    "\ud800",
+    "G1 (\udfff)",
+    "/",
+    "/etc",
+    "set_up",
+    "joint",
+)
+NUMBERS = (0, 1, -1, 0.5, 2**70, 1e308, float("inf"), float("nan"))
+HOSTILE = (*WORDS, *NUMBERS, None, True, [], {}, [1, 2], ["X"], {"X": 1}, {"sub.ngc": "/etc/passwd"}, [[[]]])
+
+
+def test_whatever_a_panel_sends_is_no_error_of_the_services_own(desk: Desk) -> None:
+    """Every argument of every command with every value; its door answers on."""
+    for command in ALL:
+        for name, value in itertools.product([one.name for one in command.arguments], HOSTILE):
+            with contextlib.suppress(CommandRefused):
+                try:
+                    desk.client.ask_for(Asker("anna"), command.name, {name: value})
+                except CommandRefused as error:
+                    assert error.said["key"] != "own_error", (command.name, name, value, error)
+                    raise
+    assert desk.client.ask("status")["mode"]
+
+
+def test_a_program_of_no_name_without_end_or_nobodys_is_refused_in_a_sentence(
+    desk: Desk, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(linked, "MAX_BYTES", 1 << 16)
+    program, large = tmp_path / "calls.ngc", tmp_path / "large.ngc"
+    program.write_text("o<sub> call\nM30\n")
+    os.truncate(os.open(large, os.O_CREAT | os.O_RDWR), 1 << 40)
+    paths = ("a\0b", "\ud800", ENDLESS, str(large), "/dev/zero", str(tmp_path))
+    loads: list[dict[str, Any]] = [{"path": path} for path in paths]
+    loads += [{"path": str(program), "files": {"sub.ngc": path}} for path in (ENDLESS, str(large))]
+    for args in loads:
+        with pytest.raises(CommandRefused) as refused:
+            desk.client.ask("load", **args)
+        assert refused.value.said["key"] in ("unreadable", "too_large"), args
 
 
 @pytest.fixture

@@ -20,13 +20,13 @@ from controller.messages import text
 from controller.runtime import recording
 from controller.runtime.plan_messages import Program
 from controller.runtime.starts import Start
-from controller.service import room, run_file, runs
+from controller.service import room, run_file
 from controller.service.command_handlers import CommandHandlers
 from controller.service.folders import Folders
 from controller.service.room import Room
 from controller.service.runs import RunRecord
 from controller.service.service import Service
-from controller.state import setpoints
+from controller.state import record_files, setpoints
 from controller.state.modes import Mode
 
 EACH = 100_000  # bytes of a record
@@ -154,7 +154,7 @@ def test_no_length_ends_a_record_and_a_disk_that_takes_no_packed_segment_costs_n
     assert found is not None and found[:, 0].tolist() == list(range(95))
     full[0] = True
     facts = made.end("completed")
-    assert facts["ticks"] == 95 and runs.list_runs(tmp_path)[0]["result"] == "completed"
+    assert facts["ticks"] == 95 and record_files.facts(made.folder)["result"] == "completed"
     again = setpoints.SETPOINTS.read(made.folder)
     assert again is not None and np.array_equal(again, found)
 

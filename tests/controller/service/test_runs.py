@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from support.fakes.written_history import indexed
 from support.machines.stepped_runs import shipped
 
 from controller import sealed_file
@@ -19,6 +20,7 @@ from controller.service import runs
 from controller.service.runs import RunRecord
 from controller.state.modes import Mode
 from controller.state.setpoints import SETPOINTS
+from controller.store.history import Run
 
 MACHINE = shipped()
 WHAT = {"name": "part.ngc", "sha256": "00", "line": None}
@@ -53,18 +55,18 @@ def killed(state: Path, ticks: int = 1000) -> Path:
     return record.folder
 
 
-def told(state: Path) -> dict[str, Any]:
-    (run,) = runs.list_runs(state)
+def told(state: Path) -> Run:
+    (run,) = indexed(state)
     return run
 
 
 def test_a_run_whose_service_was_killed_is_lost_and_not_forgotten(tmp_path: Path) -> None:
     folder = killed(tmp_path)
-    assert runs.list_runs(tmp_path) == [], "it may be under way"
-    assert runs.lose(tmp_path) == 1 and runs.lose(tmp_path) == 0
+    assert indexed(tmp_path) == [], "it may be under way"
+    assert runs.settle(tmp_path) == runs.settle(tmp_path) == []
     run = told(tmp_path)
-    assert (run["id"], run["name"], run["sha256"], run["result"]) == (folder.name, "part.ngc", "00", "lost")
-    assert run["started_s"] <= run["ended_s"]
+    assert (run.facts["record"], run.program, run.sha256) == (folder.name, "part.ngc", "00")
+    assert run.result == "lost" and run.began_s <= run.ended_s
     found = SETPOINTS.read(folder)
     assert found is not None and len(found) == 1000
 
@@ -72,21 +74,21 @@ def test_a_run_whose_service_was_killed_is_lost_and_not_forgotten(tmp_path: Path
 def test_a_run_ended_when_its_last_setpoints_were_written(tmp_path: Path) -> None:
     folder = killed(tmp_path)
     written_s = (folder / "setpoints.part").stat().st_mtime
-    runs.lose(tmp_path)
-    assert told(tmp_path)["ended_s"] == written_s
+    runs.settle(tmp_path)
+    assert told(tmp_path).ended_s == written_s
 
 
 @pytest.mark.parametrize("result", ["completed", "stopped", "fault", "interrupted"])
 def test_a_run_that_has_ended_is_not_lost(tmp_path: Path, result: str) -> None:
     begun(tmp_path, 10).end(result)
-    assert runs.lose(tmp_path) == 0
-    assert told(tmp_path)["result"] == result
+    assert runs.settle(tmp_path) == []
+    assert told(tmp_path).result == result
 
 
 def test_a_start_that_never_went_out_is_no_run(tmp_path: Path) -> None:
     RunRecord(tmp_path, MACHINE, WHAT)  # the service was killed while it planned
     begun(tmp_path).throw_away()
-    assert runs.lose(tmp_path) == 0 and runs.list_runs(tmp_path) == []
+    assert runs.settle(tmp_path) == [] and indexed(tmp_path) == []
 
 
 def test_a_service_killed_when_an_end_was_all_but_written_has_ended_it(tmp_path: Path) -> None:
@@ -94,7 +96,7 @@ def test_a_service_killed_when_an_end_was_all_but_written_has_ended_it(tmp_path:
     kept = (record.folder / "begun.json").read_text()
     record.end("completed")
     (record.folder / "begun.json").write_text(kept)
-    assert runs.lose(tmp_path) == 0 and told(tmp_path)["result"] == "completed"
+    assert runs.settle(tmp_path) == [] and told(tmp_path).result == "completed"
     assert not (record.folder / "begun.json").exists()
 
 
@@ -105,12 +107,12 @@ def test_what_is_no_record_hides_no_other(tmp_path: Path, text: str) -> None:
     (tmp_path / "runs" / "a" / "begun.json").write_text(text)
     (tmp_path / "runs" / "2026-11-21T083120.042-part.ngc").mkdir()
     (tmp_path / "runs" / "2026-11-21T083120.042-part.ngc" / "begun.json").write_text(text)
-    assert runs.lose(tmp_path) == 3
-    there = {run["id"]: run for run in runs.list_runs(tmp_path)}
+    assert len(runs.settle(tmp_path)) == 2 and runs.settle(tmp_path) == []
+    there = {run.facts["record"]: run for run in indexed(tmp_path)}
     assert folder.name in there and "a" in there
     lost = there["2026-11-21T083120.042-part.ngc"]
-    assert lost["name"] == "part.ngc" and lost["result"] == "lost" and lost["started_s"] > 1.7e9
-    assert (tmp_path / "runs" / lost["id"] / "begun.json.damaged1").read_text() == text
+    assert lost.program == "part.ngc" and lost.result == "lost" and lost.began_s > 1.7e9
+    assert (tmp_path / "runs" / lost.facts["record"] / "begun.json.damaged1").read_text() == text
 
 
 def test_a_disk_that_is_full_costs_the_record_and_not_the_run(

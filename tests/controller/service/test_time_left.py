@@ -15,7 +15,7 @@ from support.machines.timed_runs import Timed, TimedRun
 from controller.machine import machine_file
 from controller.machine.model import Machine
 from controller.plan.restart.program_position import Spot
-from controller.plan.stretch import Wait
+from controller.plan.segment import Wait
 from controller.plan.timetable import Event, Timetable
 from controller.plan.waits import BY_HAND, CHANGE, OPTIONAL, STOP
 from controller.program.modal import power_on

@@ -35,7 +35,7 @@ from controller.machine.toml_table import ConfigError
 from controller.messages import Message, text
 from controller.motion.pieces import FIRST_MARK
 from controller.plan.restart.program_position import AFTER_CHANGE, ENTRY_ID, Spot
-from controller.plan.stretch import Chain
+from controller.plan.segment import ContinuousPath
 from controller.program import blocks
 from controller.program.program import Act, Action, Changing, ProgramError, Select
 from controller.runtime import checked
@@ -639,8 +639,8 @@ def test_after_an_interrupted_change_a_start_is_what_was_offered(
         with pytest.raises(ProgramError, match="T1 is in the spindle"):
             list(starts_of(task, start))
         return
-    cut = [chain for chain in starts_of(task, start) if isinstance(chain, Chain)]
-    lines = [one.place.line for chain in cut if (chain.first_id or 0) < ENTRY_ID for one in chain.stretches]
+    cut = [chain for chain in starts_of(task, start) if isinstance(chain, ContinuousPath)]
+    lines = [one.place.line for chain in cut if (chain.first_id or 0) < ENTRY_ID for one in chain.segments]
     assert lines == left
 
 

@@ -312,7 +312,7 @@ def with_tool_2(**changes: object) -> Machine:
 def cut(machine: Machine, text: str = CONE, side: str = "G42") -> SurfaceCut:
     task = checked.task(f"{HEAD}{side}\n{text}M30\n".encode(), "part.ngc", machine)
     walk = checked.walk_of(task, None, False)
-    return next(one.motion for one in checked.stretches(walk).values() if one.cutting)  # type: ignore[return-value]
+    return next(one.motion for one in checked.segments(walk).values() if one.cutting)  # type: ignore[return-value]
 
 
 def test_a_worn_cutter_is_led_and_looked_at_as_the_cutter_that_it_is() -> None:
@@ -329,7 +329,7 @@ def test_g43_takes_the_length_as_it_is() -> None:
         ends = []
         for length in (0.0, -0.1):
             task = checked.task(text.encode(), "part.ngc", with_tool_2(wear_length_mm=length))
-            ends.append(list(checked.stretches(checked.path_of(task)).values())[-1].end)
+            ends.append(list(checked.segments(checked.path_of(task)).values())[-1].end)
         assert ends[1][2] - ends[0][2] == pytest.approx(-0.1)
 
 

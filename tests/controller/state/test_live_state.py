@@ -24,7 +24,7 @@ from controller.messages import LANGUAGES
 from controller.runtime.plan_messages import POWER_ON
 from controller.service import node_status, status
 from controller.state import live_state
-from controller.state.live_state import FIELDS, OWNERS, Field, Snapshot
+from controller.state.live_state import DRIVES, FIELDS, OWNERS, Field, Snapshot
 from controller.state.modes import MAX_AXES
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -48,6 +48,7 @@ OTHERWISE = {
     "probings": "probing.count",
     "probed": "probing.came",
     "answers": "answers.ring",
+    "drive_states": "drives.state",
     "chatter_id": "chatter.can_id",
     "chatter_per_s": "chatter.per_s",
 }
@@ -78,10 +79,14 @@ def unlike(n: int, field: Field, turn: int, axes: int = MAX_AXES) -> Any:
 @pytest.mark.parametrize("turn", range(5))
 def test_every_value_goes_from_its_owner_through_memory_to_its_own_name(turn: int, axes: int) -> None:
     values = {field.name: unlike(n, field, turn, axes) for n, field in enumerate(FIELDS)}
-    parts: dict[str, SimpleNamespace] = {name: SimpleNamespace() for name in OWNERS}
+    parts: dict[str, Any] = {name: SimpleNamespace() for name in OWNERS}
+    parts[DRIVES] = [SimpleNamespace() for _ in range(axes)]
     for field in FIELDS:
         part, _, attribute = OTHERWISE.get(field.name, f"{field.part}.{field.name}").partition(".")
-        setattr(parts[part], attribute, values[field.name])
+        each = part == DRIVES
+        owners = parts[part] if each else [parts[part]]
+        for owner, value in zip(owners, values[field.name] if each else [values[field.name]], strict=True):
+            setattr(owner, attribute, value)
     board, recorder = SnapshotBoard(axes=axes), Recorder(rows=4)
     flat = live_state.gather(axes)(*(parts[name] for name in OWNERS))
     board.write(flat)
@@ -115,7 +120,10 @@ def test_what_a_tick_leaves_is_of_the_type_that_is_declared() -> None:
     bench.enable()
     parts = dict(zip(OWNERS, bench.cycle._status._owners, strict=True))
     for field in FIELDS:
-        value = getattr(parts[field.part], field.attribute)
+        if field.part == DRIVES:
+            value = [getattr(drive, field.attribute) for drive in parts[DRIVES]]
+        else:
+            value = getattr(parts[field.part], field.attribute)
         for one in value if field.many > 1 else (value,):
             assert isinstance(one, field.type) or (field.type is float and type(one) is int), field.name
     bench.close()

@@ -16,6 +16,7 @@ from controller.machine.model import Io, Sense
 from controller.machine.toml_table import ConfigError
 from controller.state.modes import Fault, Mode, Request
 from controller.tick.limit_switches import GIVE, End, LimitSwitches
+from drives.cia402 import Wanted
 
 HERE = (0.0, 0.0, 0.0, 0.0, 0.0)
 LOWER, UPPER, A_UPPER = 1, 2, 4
@@ -78,6 +79,36 @@ def test_motion_into_a_pressed_switch_stops_and_costs_that_axis_its_zero() -> No
     bench.close()
 
 
+def test_an_axis_that_brakes_on_its_path_for_another_fault_is_stopped_by_its_switch() -> None:
+    bench = Switched()
+    bench.go((80.0, 30.0, 0.0, 0.0, 0.0))
+    bench.cycle.modes.fail(Fault.CLAMP, A)
+    bench.tick(2)
+    assert not bench.cycle.follow.at_rest and bench.group.drives[X].wanted is Wanted.ENABLED
+    bench.press(UPPER)
+    bench.tick()
+    assert bench.fault() == (Fault.CLAMP, A) and bench.snapshot.warning is Fault.LIMIT_SWITCH
+    assert [drive.wanted is Wanted.QUICK_STOP for drive in bench.group.drives] == [i == X for i in range(5)]
+    assert bench.cycle.modes.untrusted == 1 << X
+    bench.until_rest()
+    bench.close()
+
+
+@pytest.mark.parametrize("later", [0, 1, 3])
+def test_each_axis_that_comes_to_its_switch_is_stopped_also_while_another_one_is(later) -> None:
+    bench = Switched()
+    bench.go((80.0, 30.0, 0.0, 0.5, 0.0))
+    bench.press(UPPER)
+    if later:
+        bench.tick(later)
+    bench.press(UPPER | A_UPPER)
+    bench.tick()
+    assert bench.fault() == (Fault.LIMIT_SWITCH, X)
+    assert [i for i, drive in enumerate(bench.group.drives) if drive.wanted is Wanted.QUICK_STOP] == [X, A]
+    assert bench.cycle.modes.untrusted == 1 << X | 1 << A
+    bench.close()
+
+
 def test_motion_away_from_a_pressed_switch_and_across_it_goes_on() -> None:
     bench = Switched()
     bench.press(LOWER | A_UPPER)
@@ -99,6 +130,19 @@ def test_the_axis_is_jogged_off_its_switch_but_not_on() -> None:
     bench.jog(1.0)
     assert bench.fault() == (Fault.LIMIT_SWITCH, X)
     bench.close()
+
+
+@pytest.mark.parametrize(("bits", "lean"), [(UPPER, -1.0), (LOWER, 1.0), (UPPER, 1.0), (UPPER, 0.0)])
+def test_a_slide_that_is_not_square_goes_into_its_switch_where_another_axis_moves(bits, lean) -> None:
+    """Y's own slide leads X along, so that of X goes back, or not at all."""
+    made = make_machine()
+    y = replace(made.axes[1], direction=(lean * 0.1, 1.0, 0.0))
+    x = replace(made.axes[X], limit_inputs=LimitInputs("x_lower", "x_upper"))
+    io = Io("main", 11, "", (("x_lower", 0), ("x_upper", 1)), ())
+    switches, modes = LimitSwitches(replace(made, axes=(x, y, *made.axes[2:]), io=io)), Bench().cycle.modes
+    modes.mode = Mode.RUNNING
+    switches.watch((LOWER | UPPER) & ~bits, modes, (0.0, 1.0, 0.0, 0.0, 0.0), HERE, HERE, 1)
+    assert (modes.fault is Fault.LIMIT_SWITCH) is (lean * (-1.0 if bits == UPPER else 1.0) > 0.0)
 
 
 @pytest.mark.parametrize(("sense", "into"), ((Sense.CARRIED, 1.0), (Sense.ISO, -1.0)))

@@ -21,7 +21,7 @@ SERVO_LAG_TICKS = 4.0
 
 
 @dataclass(frozen=True)
-class Stretch:
+class Segment:
     motion: Motion
 
     def block_u(self, u: np.ndarray) -> np.ndarray:
@@ -35,7 +35,7 @@ class Run:
     rows: np.ndarray
     machine: Machine
     kinematics: Kinematics
-    stretches: dict[int, Stretch]
+    segments: dict[int, Segment]
 
 
 @pytest.fixture(scope="session")
@@ -62,8 +62,8 @@ def make_run(surfaces: tuple, offset_mm: float, feed_mm_s: float, kind: str = "f
     up = _vertical(joints[-1][-1][1], 0.0, 20.0, kinematics, built)
     motions: list[Motion] = [down, *cuts, up]
     parts = [_sampled(down, kinematics), *joints, _sampled(up, kinematics)]
-    stretches = {i: Stretch(motion) for i, motion in enumerate(motions)}
-    return Run(_rows(parts, built, feed_mm_s), built, kinematics, stretches)
+    segments = {i: Segment(motion) for i, motion in enumerate(motions)}
+    return Run(_rows(parts, built, feed_mm_s), built, kinematics, segments)
 
 
 def _vertical(q, start_mm: float, end_mm: float, kinematics: Kinematics, built: Machine) -> JointMove:

@@ -11,7 +11,7 @@ from rich.console import Console
 from support.machines.shipped_kinds import machine
 
 from controller.machine.kinematics import kinematics_of
-from controller.verify import paper, paper_table
+from controller.verify import paper, tables
 from controller.verify.paper import Method, PaperComparison
 
 
@@ -119,7 +119,7 @@ def test_as_json_it_holds_every_figure(comparison):
 
 def test_the_tables_fit_80_columns_and_cut_nothing_off(comparison):
     console = Console(width=80, record=True, quiet=False, file=open("/dev/null", "w"))  # noqa: SIM115
-    paper_table.render(comparison, console)
+    tables.paper(comparison, console)
     text = console.export_text()
     assert max(map(len, text.splitlines())) <= 80
     assert "…" not in text

@@ -15,7 +15,7 @@ from controller.machine import machine_file
 from controller.machine.model import Sense
 from controller.motion.motions import SurfaceCut
 from controller.plan.rotaries.branch import joints_along
-from controller.plan.stretch import Chain
+from controller.plan.segment import ContinuousPath
 from controller.program.program import CutNurbs
 from controller.runtime import checked
 from controller.runtime.plan_news import PathNotes
@@ -31,24 +31,24 @@ FIELDS = {
 
 @pytest.fixture(scope="module")
 def cut(ruled_run) -> Trace:
-    return traces.from_rows(ruled_run.rows, ruled_run.machine, ruled_run.kinematics, ruled_run.stretches)
+    return traces.from_rows(ruled_run.rows, ruled_run.machine, ruled_run.kinematics, ruled_run.segments)
 
 
 def surface_cuts(run) -> list[tuple[int, SurfaceCut]]:
-    return [(i, s.motion) for i, s in run.stretches.items() if isinstance(s.motion, SurfaceCut)]
+    return [(i, s.motion) for i, s in run.segments.items() if isinstance(s.motion, SurfaceCut)]
 
 
 def test_row_0_is_the_tick_of_cycle_start(ruled_run, cut):
     assert len(cut.time_s) == len(ruled_run.rows) - 3  # three rows before the machine runs
     assert cut.time_s[:3] == pytest.approx([0.0, 0.002, 0.004])
     later = traces.from_rows(
-        ruled_run.rows, ruled_run.machine, ruled_run.kinematics, ruled_run.stretches, first_tick=750
+        ruled_run.rows, ruled_run.machine, ruled_run.kinematics, ruled_run.segments, first_tick=750
     )
     assert len(later.time_s) == len(ruled_run.rows) - 50 and later.time_s[0] == 0.0
 
 
 def test_rows_of_a_machine_that_never_ran_make_an_empty_trace(ruled_run):
-    empty = traces.from_rows(ruled_run.rows[:2], ruled_run.machine, ruled_run.kinematics, ruled_run.stretches)
+    empty = traces.from_rows(ruled_run.rows[:2], ruled_run.machine, ruled_run.kinematics, ruled_run.segments)
     assert empty.time_s.shape == (0,) and empty.tool_tip.shape == (0, 3)
 
 
@@ -68,10 +68,10 @@ def test_u_of_a_surface_in_parts_is_that_of_the_whole_curve():
     upper, lower = random_nurbs.blade(6)
     machine = replace(machine_file.load("trunnion"), gouge="warn")
     task = checked.task(random_nurbs.text(upper, lower, 600.0).encode(), "blade.ngc", machine)
-    chains = (item for item in checked.path_of(task).items if isinstance(item, Chain))
-    stretches = dict(enumerate(stretch for chain in chains for stretch in chain.stretches))
+    chains = (item for item in checked.path_of(task).items if isinstance(item, ContinuousPath))
+    segments = dict(enumerate(segment for chain in chains for segment in chain.segments))
     (block,) = (one for one in task.read() if isinstance(one, CutNurbs))
-    cuts = {k: one for k, one in stretches.items() if one.cutting}
+    cuts = {k: one for k, one in segments.items() if one.cutting}
     rows = np.zeros((5 * len(cuts), len(ROW)))
     rows[:, COLUMN["cutting"]], rows[:, COLUMN["motion_id"]] = 1.0, np.repeat(list(cuts), 5)
     for i, (k, one) in enumerate(cuts.items()):
@@ -82,7 +82,7 @@ def test_u_of_a_surface_in_parts_is_that_of_the_whole_curve():
         assert [way.in_block(each)["u"] for each in s] == pytest.approx(
             one.block_u(one.motion.arc.u_along(s)), abs=1e-9
         ), k
-    made = traces.from_rows(rows, machine, task.kinematics, stretches, first_tick=0)
+    made = traces.from_rows(rows, machine, task.kinematics, segments, first_tick=0)
     assert len(cuts) > 2 and (np.diff(made.u) > -1e-9).all()
     assert made.u[[0, -1]] == pytest.approx([0.0, 1.0], abs=1e-9)
     on_curve = np.stack(np.broadcast_arrays(*block.lower.at(made.u, np)), axis=1)
@@ -106,7 +106,7 @@ def test_approach_and_standstill_are_seen_in_the_frame_of_the_cut_they_lead_to(c
 def test_a_setup_given_for_a_motion_wins_over_the_guess(ruled_run, cut):
     table = {0: Setup(Frame(), 40.0)}
     seen = traces.from_rows(
-        ruled_run.rows, ruled_run.machine, ruled_run.kinematics, ruled_run.stretches, table
+        ruled_run.rows, ruled_run.machine, ruled_run.kinematics, ruled_run.segments, table
     )
     assert seen.tool_tip[10] - cut.tool_tip[10] == pytest.approx(ruled_run.machine.offsets[0].origin)
 
@@ -114,7 +114,7 @@ def test_a_setup_given_for_a_motion_wins_over_the_guess(ruled_run, cut):
 def test_joints_are_shown_in_degrees_and_in_the_configured_sense(ruled_run, cut):
     axes = tuple(replace(axis, sense=Sense.ISO) for axis in ruled_run.machine.axes)
     iso = replace(ruled_run.machine, axes=axes)
-    shown = traces.from_rows(ruled_run.rows, iso, ruled_run.kinematics, ruled_run.stretches)
+    shown = traces.from_rows(ruled_run.rows, iso, ruled_run.kinematics, ruled_run.segments)
     assert np.array_equal(shown.joint_command[:, :3], cut.joint_command[:, :3])
     assert np.array_equal(shown.joint_command[:, 3:], -cut.joint_command[:, 3:])
     assert np.array_equal(shown.tool_tip, cut.tool_tip)
@@ -225,7 +225,7 @@ def test_the_recording_of_a_fault_is_a_trace_from_its_first_row_on(ruled_run, tm
     file = recorded(ruled_run, tmp_path)
     assert traces.is_recording(file)
     read = traces.of_recording(file, ruled_run.machine, ruled_run.kinematics)
-    whole = traces.from_rows(ruled_run.rows, ruled_run.machine, ruled_run.kinematics, ruled_run.stretches)
+    whole = traces.from_rows(ruled_run.rows, ruled_run.machine, ruled_run.kinematics, ruled_run.segments)
     assert len(read.time_s) == len(ruled_run.rows) > len(whole.time_s)
     late = len(read.time_s) - len(whole.time_s)
     for name in ("joint_command", "joint_actual", "line", "cutting"):

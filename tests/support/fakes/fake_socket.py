@@ -6,10 +6,12 @@ Server(path, door.answer)             # the same through the real socket
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from controller.api.service_client import refusal
 from controller.commands.table import ENDS, SWITCHES
+from controller.ipc.asker import asker
 from controller.ipc.control_socket import CommandRefused
 from controller.ipc.handoff import Recorder
 from controller.machine import machine_file
@@ -57,6 +59,7 @@ TABLE: dict[str, tuple[set[str], str | None]] = {
     "set_tool": ({"OFF", "READY", "HOLD"}, None),
     "acknowledge": (set(), None),
     "keep_run": (set(), None),
+    "panel_damaged": (set(), None),
     **dict.fromkeys(WEARS, (set(), None)),
 }
 
@@ -78,6 +81,7 @@ class FakeDoor:
         self.asked: list[tuple[str, dict[str, Any]]] = []
         self.there = True
         self.results: dict[str, dict[str, Any]] = {}  # of verbs that answer more than nothing
+        self.acknowledge: Callable[[int | None, str], object] = lambda number, by: None
         self.recorder = Recorder(rows=4096)
         self.presses = Presses()
         self.job: dict[str, Any] | None = None
@@ -138,6 +142,9 @@ class FakeDoor:
             self.job["block_delete"] = args.get("block_delete") is True
         elif verb == "unload":
             self.job = None
+        elif verb == "acknowledge":
+            who = asker.get()
+            self.acknowledge(args["id"], who.user if who else "")
         elif verb == "set_offset" and "values" in args:
             self.offsets[args["name"]] = {**args["values"], "unset": False, "source": "machine"}
         elif verb == "forget":

@@ -10,6 +10,8 @@ from typing import NamedTuple
 
 from controller.api import names
 from controller.api.store import Store
+from controller.own_database import BESIDE
+from controller.store.service_store import FILE
 
 TEXT = b"G1 X10 F100\nM2\n"
 CONTENT_TYPE = "multipart/form-data; boundary=frontier"
@@ -80,7 +82,7 @@ def form(name: str, text: bytes = TEXT, /, **fields: str) -> bytes:
 def assert_whole(store: Store) -> None:
     """Nothing beside the store, and in it names and contents in step."""
     assert os.listdir(store.folder.parent) == [store.folder.name]
-    assert os.listdir(store.folder) == [store.own.name]
+    assert set(os.listdir(store.folder)) <= {store.own.name, *(FILE + end for end in ("", *BESIDE))}
     top = {p.name for p in store.own.iterdir()}
     assert top <= {"programs", "log_in", "store.sqlite", "store.sqlite-wal", "store.sqlite-shm"}
     listed = store.programs.list()

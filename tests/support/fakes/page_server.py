@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 import uvicorn
 from support.fakes.fake_socket import AXES, WEARS, FakeDoor
+from support.fakes.written_history import WrittenHistory
 
 from controller.api.app_state import Panel
 from controller.api.checker import Checker
@@ -31,13 +32,12 @@ from controller.messages import Key, message
 from controller.plan.report.picture import Shape
 from controller.plan.report.verdict import Verdict
 from controller.program import blocks
-from controller.service import status, usage
+from controller.service import runs, status, usage
 from controller.service.next_step import next_step
 from controller.service.preconditions import moves
 from controller.service.refusals import refused
 from controller.service.usage import Usage
 from controller.state.modes import ALL_AXES, Fault, Mode, fault_message
-from controller.store.service_store import ServiceStore
 from controller.verify import wording
 from controller.web.server import add_page
 
@@ -55,7 +55,9 @@ class MovingDoor(FakeDoor):
         super().__init__()
         self.mode = "READY"
         self._told = folder / TOLD
-        self._usage = Usage(ServiceStore(folder), MACHINE)
+        self._usage = Usage(WrittenHistory(folder).store, MACHINE)
+        self._folder = folder
+        self.acknowledge = lambda number, by: WrittenHistory(folder).acknowledge(number, by)
         self._asked = open(folder / "asked.jsonl", "a", buffering=1)  # noqa: SIM115
         self._where = dict.fromkeys(AXES, 0.0)
         self._jog: tuple[str, float, float, float] | None = None  # axis, speed, last look, until
@@ -66,6 +68,8 @@ class MovingDoor(FakeDoor):
     def answer(self, verb: str, args: dict[str, Any]) -> dict[str, Any]:
         if verb != "status":
             self._asked.write(json.dumps([time.time(), verb, args]) + "\n")
+        if verb == "keep_run":
+            runs.keep(self._folder, args["record"], args["on"])
         if verb in WEARS:
             return getattr(usage, verb)(self._usage, args)
         if verb == "usage":

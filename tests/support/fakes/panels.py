@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import httpx
 from argon2 import PasswordHasher
-from support.fakes import as_described
+from support.fakes import as_described, written_history
 from support.fakes.fake_socket import FakeDoor
+from support.fakes.written_history import WrittenHistory
 
 from controller.api.app_state import Panel
 from controller.api.http import make_app
@@ -33,9 +35,16 @@ class Scene:
 
     def __post_init__(self) -> None:
         self.store = Store(self.folder)
+        written_history.begin(self.folder)
+        self.door.acknowledge = lambda number, by: self.history.acknowledge(number, by)
         self.panel = Panel(self.store, self.door)
         self.panel.users = Users(self.store.users, lambda: self.now_s, QUICK, lambda: self.now_s)
         self.app: Any = make_app(self.panel)
+
+    @cached_property
+    def history(self) -> WrittenHistory:
+        """What the service has written of runs and alarms."""
+        return WrittenHistory(self.folder)
 
     async def with_users(self) -> Scene:
         """A user and a script's token of every role; the user's name is the role."""

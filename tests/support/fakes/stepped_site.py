@@ -16,6 +16,7 @@ from typing import Any
 
 import uvicorn
 from support.fakes.page_server import PASSED, MovingDoor, ToldChecker
+from support.fakes.written_history import WrittenHistory
 
 from controller.api.app_state import Panel
 from controller.api.http import make_app
@@ -152,18 +153,17 @@ class PicturedChecker(ToldChecker):
         return ProgramCheck(program.sha256, "", "passed", 1.0, {**PASSED, "stored": key}, 0.0)
 
 
-def _history(store: Store, recording: Path) -> None:
+def _add(history: WrittenHistory, recording: Path) -> None:
     """Alarms and runs, as a service leaves them."""
     for i, result in enumerate(("completed", "stopped", "fault", "completed")):
         errors = {"X": 0.0123, "Y": 0.0211, "Z": 0.0099, "A": 0.0042, "C": 0.0313}
         facts = {"duration_s": 67.7 + i, "cut_time_s": 52.4, "planned_s": 67.7, "following_error": errors}
-        run = store.runs.begin(NAME, "0" * 64, **facts, ticks=33850, skips=0)
-        store.runs.end(run, result)
+        history.run(NAME, result, **facts, ticks=33850, skips=0)
     sentence = "Z: The actual position is too far from the commanded one. Look for a collision."
     more = {"position_trusted": True, "line": 10, "recording": str(recording)}
-    first = store.alarms.add("FOLLOWING_ERROR", sentence, "Z", **more)
-    store.alarms.add("ESTOP", "The emergency stop was asked for. Release it and reset.")
-    store.alarms.acknowledge(first, "anna")
+    first = history.alarm("FOLLOWING_ERROR", sentence, "Z", **more)
+    history.alarm("ESTOP", "The emergency stop was asked for. Release it and reset.")
+    history.acknowledge(first, "anna")
 
 
 def main(folder: Path, port: int) -> None:
@@ -174,7 +174,7 @@ def main(folder: Path, port: int) -> None:
         upload.write(door.text)
         upload.commit()
     panel = Panel(store, door, PicturedChecker(store))
-    _history(store, door.keep(panel.recordings))
+    _add(WrittenHistory(folder), door.keep(panel.recordings))
     app = make_app(panel)
     add_page(app)
     uvicorn.run(app, host="127.0.0.1", port=port, log_level="warning", timeout_graceful_shutdown=1)

@@ -17,8 +17,8 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from controller.geometry.arrays import Array
 from controller.machine.model import Axis
 from controller.runtime.bench.observer import STANDS, Sight, latency
 from controller.state import stop_times
@@ -30,8 +30,6 @@ WAY_TICKS, LIVED_LATE = 25, 4  # periods
 LATEST_TICKS = 10  # "its window plus what it moves in so many ticks"
 COMES_BACK = 2.0  # times as long as at its velocity limit
 OF_LATE = 5.0  # time constants of the slowest loop that stays inside of the window
-
-Array = npt.NDArray[np.float64]
 
 
 class Window(NamedTuple):

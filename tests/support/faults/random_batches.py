@@ -72,9 +72,9 @@ class Bench(Forkable):
     def came(self, one: Case, run: Run | None, trace: Path | None) -> Came:
         """The verdict, once the run is over; then the machine is looked at a little longer."""
         if run is not None and trace is not None:
-            stretches = self.planner.stretches
+            segments = self.planner.segments
             seen = traces.from_rows(
-                run.rows, self.machine, self.task.kinematics, stretches, first_tick=run.first_tick
+                run.rows, self.machine, self.task.kinematics, segments, first_tick=run.first_tick
             )
             seen.save(trace)
         ticks, fault, warned = self.tick_now, self.cycle.modes.fault.name, self.cycle.modes.warning.name

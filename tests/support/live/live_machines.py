@@ -24,8 +24,8 @@ from controller.machine.kinematics import Kinematics, kinematics_of
 from controller.machine.model import Joints, Machine
 from controller.motion.motions import SurfaceCut
 from controller.plan.path import path
-from controller.plan.path.path import Chain, Stretch
 from controller.plan.path.path import Path as TracedPath
+from controller.plan.segment import ContinuousPath, Segment
 from controller.program import blocks
 from controller.runtime.startup import SessionError
 from controller.service.folders import Folders
@@ -162,16 +162,16 @@ def home(machine: Machine) -> tuple[float, ...]:
 def off_path(rows: np.ndarray, of: TracedPath, machine: Machine) -> np.ndarray:
     """Distance (mm) of each row's commanded tip from the exact path, on the table; dwells left out."""
     kinematics = kinematics_of(machine)
-    chains = (item for item in of.items if isinstance(item, Chain))
-    stretches = [stretch for chain in chains for stretch in chain.stretches]
+    chains = (item for item in of.items if isinstance(item, ContinuousPath))
+    segments = [segment for chain in chains for segment in chain.segments]
     moving = rows[rows[:, COLUMN["motion_id"]] >= 0]
-    return np.array([_off(row, stretches[int(row[COLUMN["motion_id"]])], kinematics) for row in moving])
+    return np.array([_off(row, segments[int(row[COLUMN["motion_id"]])], kinematics) for row in moving])
 
 
-def _off(row: np.ndarray, stretch: Stretch, kinematics: Kinematics) -> float:
+def _off(row: np.ndarray, segment: Segment, kinematics: Kinematics) -> float:
     joints = _joints(row)
     s = float(row[COLUMN["s"]])
-    motion = stretch.motion
+    motion = segment.motion
     if isinstance(motion, SurfaceCut):
         # The surface itself says where the tip belongs: C1 + r n, no inverse kinematics in between.
         there = motion.part.to_parent(motion.pose(s).tip)

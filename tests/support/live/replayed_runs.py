@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from support.machines.interrupted_runs import assert_rest_is_cut, distance, program_rows, stretches
+from support.machines.interrupted_runs import assert_rest_is_cut, distance, program_rows, segments
 from support.machines.stepped_runs import shipped
 
 from controller.ipc.handoff import COLUMN
@@ -85,9 +85,9 @@ def assert_cut(done: Again, text: str, spot: Spot) -> None:
 
     Of a spot behind the last of them nothing is left to cut, and no row is compared.
     """
-    wanted = stretches(text, done.stepped.machine)
+    wanted = segments(text, done.stepped.machine)
     rows = program_rows(done.run.rows)  # rapids begin wherever the run did
-    feeds = [number for number, stretch in wanted.items() if stretch.feed_mm_s is not None]
+    feeds = [number for number, segment in wanted.items() if segment.feed_mm_s is not None]
     cut = rows[np.isin(rows[:, COLUMN["motion_id"]], feeds)]
     assert distance(cut, wanted, done.stepped.kinematics) < SAME_MM
     assert_rest_is_cut(done.run.rows, wanted, spot)

@@ -18,6 +18,8 @@ from controller.ipc.control_socket import Client, CommandRefused, control_path
 from controller.machine import machine_file
 from controller.machine.model import Machine
 from controller.service.jobs import UNDER_WAY
+from controller.store import history
+from controller.store.history import Run
 
 ROOT = Path(__file__).resolve().parents[3]
 HANGS_S = 120.0  # no test is meant to come near
@@ -62,6 +64,11 @@ class Serving:
 
     def ask(self, verb: str, **args: Any) -> Values:
         return self.door.ask(verb, **args)
+
+    def runs(self) -> list[Run]:
+        """Those that it has written, the latest first."""
+        with history.reading(self.state) as past:
+            return past.runs()
 
     def refused(self, verb: str, **args: Any) -> CommandRefused:
         """The refusal of what must be refused."""

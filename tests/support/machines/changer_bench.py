@@ -19,7 +19,7 @@ from controller.machine import machine_file
 from controller.machine.model import Machine
 from controller.messages import message, text
 from controller.motion.pieces import STANDSTILL
-from controller.plan.stretch import Chain, Pause
+from controller.plan.segment import PathItem, Pause
 from controller.runtime import checked, starts
 from controller.runtime.starts import Start
 from controller.runtime.stepped import SteppedMachine
@@ -358,7 +358,7 @@ class ChangerBench:
         now = self.stepped.board.read()
         return self._cuts and now is not None and now.motion_id in (STANDSTILL, 0) and self.store.step is None
 
-    def _heard(self, items: Iterable[Chain | Pause]) -> Iterator[Chain | Pause]:
+    def _heard(self, items: Iterable[PathItem]) -> Iterator[PathItem]:
         for item in items:
             if isinstance(item, Pause) and item.changing is not None:
                 self.changer.hear((item.changing,))

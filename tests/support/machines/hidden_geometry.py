@@ -7,17 +7,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from controller.calibration.positions import Probe, Sphere
 from controller.calibration.rotary_fit import across, moved
 from controller.calibration.touch_table import Touches
+from controller.geometry.arrays import Array
 from controller.geometry.vectors import add, unit
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Axis, Machine
 
-Array = NDArray[np.float64]
 LEVER_MM = 100.0  # at which a rotary's angle counts as a length
 
 

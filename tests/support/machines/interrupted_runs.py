@@ -13,10 +13,10 @@ from controller.ipc.handoff import COLUMN, STOOD
 from controller.machine.kinematics import Kinematics, kinematics_of
 from controller.machine.model import Joints, Machine, Tool
 from controller.plan.path import path
-from controller.plan.path.path import Chain, Pause
 from controller.plan.restart import restart
 from controller.plan.restart.program_position import ENTRY_ID, Spot
 from controller.plan.restart.restart import Rest, Source
+from controller.plan.segment import ContinuousPath, PathItem, Segment
 from controller.plan.surfaces import choices
 from controller.program import blocks
 from controller.runtime.events import Event
@@ -60,7 +60,7 @@ M30
 class Items:
     """A path for ``SteppedMachine.run``."""
 
-    items: Iterable[Chain | Pause]
+    items: Iterable[PathItem]
 
 
 def source(text: str, machine: Machine, dry_run_mm: float = 0.0, start: Joints | None = None) -> Source:
@@ -72,9 +72,9 @@ def source(text: str, machine: Machine, dry_run_mm: float = 0.0, start: Joints |
     return Source(read, "part.ngc", machine, kinematics, start or homed, chosen, dry_run_mm, again=again)
 
 
-def stretches(
+def segments(
     text: str, machine: Machine, start: Joints | None = None, in_spindle: int | None = None
-) -> dict[int, path.Stretch]:
+) -> dict[int, Segment]:
     """All motions of the whole program, by motion id; ``start``: where it begins, None: homed.
 
     ``in_spindle``: a changer does not fetch a tool that is there; None: it fetches all.
@@ -83,8 +83,8 @@ def stretches(
         machine = replace(machine, in_spindle=in_spindle)
     asked = source(text, machine, start=start)
     tracer = path.PathBuilder(asked.name, machine, asked.kinematics, asked.start, asked.chosen or {})
-    chains = [item for item in tracer.items(asked.blocks) if isinstance(item, Chain)]
-    return dict(enumerate(stretch for chain in chains for stretch in chain.stretches))
+    chains = [item for item in tracer.items(asked.blocks) if isinstance(item, ContinuousPath)]
+    return dict(enumerate(segment for chain in chains for segment in chain.segments))
 
 
 @cache
@@ -108,7 +108,7 @@ def rest_of(text: str, spot: Spot, machine: Machine) -> Rest:
 def resumed(stepped: SteppedMachine, rest: Rest, events: Sequence[Event] = (), in_spindle: int = 1) -> Cut:
     """The rest, entered from where the machine stands."""
     run = stepped.run(Items(rest.entered(stepped.joints, in_spindle)), events)
-    made = trace.from_rows(run.rows, stepped.machine, stepped.kinematics, stepped.planner.stretches)
+    made = trace.from_rows(run.rows, stepped.machine, stepped.kinematics, stepped.planner.segments)
     return Cut(stepped, run, made, run.rows[len(run.rows) - len(made.time_s) :])
 
 
@@ -118,7 +118,7 @@ def program_rows(rows: np.ndarray) -> np.ndarray:
     return rows[(ids >= 0) & (ids < ENTRY_ID)]
 
 
-def distance(rows: np.ndarray, wanted: dict[int, path.Stretch], kinematics: Kinematics) -> float:
+def distance(rows: np.ndarray, wanted: dict[int, Segment], kinematics: Kinematics) -> float:
     """Largest distance (mm, or rad of the rotaries) of commanded joints from the program's."""
     first, far = COLUMN["joint_command_0"], 0.0
     for row in program_rows(rows):
@@ -130,25 +130,25 @@ def distance(rows: np.ndarray, wanted: dict[int, path.Stretch], kinematics: Kine
     return far
 
 
-def assert_rest_is_cut(rows: np.ndarray, wanted: dict[int, path.Stretch], spot: Spot) -> None:
+def assert_rest_is_cut(rows: np.ndarray, wanted: dict[int, Segment], spot: Spot) -> None:
     """From the spot on every feed motion of the program is gone through to its end, in order."""
     mine = program_rows(rows)
     ids, s = mine[:, COLUMN["motion_id"]].astype(int), mine[:, COLUMN["s"]]
     stood = mine[1:, COLUMN["switches"]].astype(int) & STOOD != 0  # what no drive has used is taken back
     onward = ~stood & (np.diff(ids) == 0)
     assert (np.diff(ids)[~stood] >= 0).all() and (np.diff(s)[onward] >= -1e-9).all()
-    for number, stretch in wanted.items():
-        begun = number > spot.motion_id or (number == spot.motion_id and spot.s < stretch.motion.end - 1e-3)
+    for number, segment in wanted.items():
+        begun = number > spot.motion_id or (number == spot.motion_id and spot.s < segment.motion.end - 1e-3)
         if spot.motion_id < 0:  # a pause, behind a rapid that is not gone through in part
-            begun = stretch.place.line >= spot.line
-        if stretch.feed_mm_s is None or not begun:
+            begun = segment.place.line >= spot.line
+        if segment.feed_mm_s is None or not begun:
             continue
         gone = s[ids == number]
-        assert len(gone), (number, stretch.name)
+        assert len(gone), (number, segment.name)
         # The last step runs on into the next motion, and is longer yet where the rest still speeds up.
         step = max(2.0 * float(np.diff(gone).max()) if len(gone) > 1 else 0.0, 0.05)
         begin = spot.s if number == spot.motion_id else 0.0
-        assert gone[0] <= begin + step and gone[-1] >= stretch.motion.end - step, (number, stretch.name)
+        assert gone[0] <= begin + step and gone[-1] >= segment.motion.end - step, (number, segment.name)
 
 
 def assert_in_limits(joints: np.ndarray, machine: Machine, label: object) -> None:

@@ -15,11 +15,11 @@ from itertools import count
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial import cKDTree
 from support.machines.forked_machine import Forkable
 from support.oracles import latched_setpoints
 
+from controller.geometry.arrays import Array
 from controller.ipc.handoff import COLUMN, of_axes
 from controller.machine.compensation import reversal
 from controller.machine.kinematics import Kinematics
@@ -45,8 +45,6 @@ NEAR = 8  # places of the path
 THREAD_UM = 10.0  # axes and spindle, beyond the healthy error
 LEAST_MM = 0.1  # of a thread, that is judged
 TOLD = (Fault.STOCK_USED_UP, Fault.TOO_MANY_SKIPS)
-
-Array = npt.NDArray[np.float64]
 
 
 class Late(NamedTuple):
@@ -204,7 +202,7 @@ class Healthy:
 
     @cached_property
     def line(self) -> tuple[Array, cKDTree]:
-        """The tool's way along the stretches of its path, four points a tick."""
+        """The tool's way along the segments of its path, four points a tick."""
         line = moving(self.tools(np.array(list(self._places()))), SAME_MM)
         return line, cKDTree(line)
 
@@ -212,15 +210,15 @@ class Healthy:
         """Joints along the path."""
         joints = self.run.rows[:, of_axes("joint_command", len(self.machine.axes))].tolist()
         ids, places = (self.run.rows[:, COLUMN[name]].tolist() for name in ("motion_id", "s"))
-        stretches, near = self.stepped.planner.stretches, self.kinematics.rotaries
+        segments, near = self.stepped.planner.segments, self.kinematics.rotaries
         for i, row in enumerate(joints[:-1]):
             yield row
             if row == joints[i + 1]:
                 continue
             old, new = int(ids[i]), int(ids[i + 1])
             for number in range(old, new + 1) if 0 <= old <= new else ():
-                if number in stretches:
-                    motion = stretches[number].motion
+                if number in segments:
+                    motion = segments[number].motion
                     begin = places[i] if number == old else 0.0
                     end = places[i + 1] if number == new else motion.end
                     for s in np.linspace(begin, end, 5):

@@ -73,7 +73,7 @@ class Watched(Forkable):
         text = TEXT.format(feed=feed, first=first, second=second)
         bench.task = checked.task(text.encode(), "part.ngc", bench.machine)
         bench.walk = checked.walk_of(bench.task, None, unchecked=False)
-        demands = Demands(bench.task.read(), bench.planner.stretches, bench.machine)
+        demands = Demands(bench.task.read(), bench.planner.segments, bench.machine)
         bench.watch = bench.watch_contour(demands)
         bench.come_up()
         bench.observer.begin(0.0)
@@ -129,7 +129,7 @@ def judged(bench: Watched, rows: np.ndarray, fault: Fault, first: int = 0) -> Ju
 
 def _at_feed(bench: Watched, sight: Sight, rows: np.ndarray) -> np.ndarray:
     """Ticks in which the drives are to follow a motion at feed."""
-    fed = {number for number, one in bench.planner.stretches.items() if one.feed_mm_s is not None}
+    fed = {number for number, one in bench.planner.segments.items() if one.feed_mm_s is not None}
     ticks = set(rows[np.isin(rows[:, COLUMN["motion_id"]], list(fed)), COLUMN["tick"]].astype(int).tolist())
     begin = bench.observer.first_tick
     return np.array([one.on_path and one.tick + begin in ticks for one in sight.ticks])

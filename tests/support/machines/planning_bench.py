@@ -9,15 +9,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from support.machines.interrupted_runs import assert_rest_is_cut, distance, stretches
+from support.machines.interrupted_runs import assert_rest_is_cut, distance, segments
 from support.machines.stepped_runs import shipped
 
 from controller.ipc.handoff import COLUMN, PieceMessage, Snapshot
 from controller.machine import setup_data
 from controller.machine.model import Machine
-from controller.plan.path.path import Chain, Pause
 from controller.plan.planner import Planner
 from controller.plan.restart.program_position import Spot
+from controller.plan.segment import PathItem
 from controller.runtime.bench import probe
 from controller.runtime.plan_messages import Answer, News, Order, Program
 from controller.runtime.planning import Planning
@@ -84,7 +84,7 @@ class Bench:
             self.before_message()
         return self.stepped.outbox.send(message)
 
-    def load(self, items: Iterable[Chain | Pause], now: Snapshot) -> None:
+    def load(self, items: Iterable[PathItem], now: Snapshot) -> None:
         self.planner.load(items, now.queue_end_s, now.epoch)
 
     def snapshot(self) -> Snapshot:
@@ -139,7 +139,7 @@ class Bench:
 
     def assert_cut(self, text: str, machine: Machine, spot: Spot, first: int = 0) -> None:
         rows = np.concatenate(self.rows[first:])
-        wanted = stretches(text, machine)
+        wanted = segments(text, machine)
         assert distance(rows, wanted, self.stepped.kinematics) < SAME
         assert_rest_is_cut(rows, wanted, spot)
 

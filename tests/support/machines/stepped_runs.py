@@ -13,7 +13,7 @@ from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine
 from controller.machine.spindle import unasked
 from controller.plan.path import path
-from controller.plan.path.path import Stretch
+from controller.plan.segment import Segment
 from controller.program import blocks
 from controller.runtime.events import Event
 from controller.runtime.stepped import Run, SteppedMachine
@@ -67,8 +67,8 @@ class Cut:
         return self.stepped.kinematics
 
     @property
-    def stretches(self) -> dict[int, Stretch]:
-        return self.stepped.planner.stretches
+    def segments(self) -> dict[int, Segment]:
+        return self.stepped.planner.segments
 
     @property
     def joints(self) -> np.ndarray:
@@ -93,7 +93,7 @@ def cut(
     known = blocks.read(text.encode(), stepped.machine, "part.ngc")
     traced = path.trace(known, stepped.machine, stepped.kinematics, stepped.joints)
     run = stepped.run(traced, events)
-    made = trace.from_rows(run.rows, stepped.machine, stepped.kinematics, stepped.planner.stretches)
+    made = trace.from_rows(run.rows, stepped.machine, stepped.kinematics, stepped.planner.segments)
     return Cut(stepped, run, made, run.rows[len(run.rows) - len(made.time_s) :])
 
 
@@ -116,12 +116,12 @@ def largest(joints: np.ndarray, machine: Machine) -> tuple[float, float, float]:
 
 
 def off_the_plan(done: Cut, rows: np.ndarray | None = None) -> float:
-    """Largest distance (mm) of the commanded tip from the stretch its row names, table frame."""
+    """Largest distance (mm) of the commanded tip from the segment its row names, table frame."""
     return off_the_path(done, rows)[0]
 
 
 def off_the_path(done: Cut, rows: np.ndarray | None = None) -> tuple[float, float]:
-    """Largest distance of the commanded tip (mm) and axis (degrees) from the stretch its row names."""
+    """Largest distance of the commanded tip (mm) and axis (degrees) from the segment its row names."""
     joints, ids, s = done.joints, done.column("motion_id"), done.column("s")
     asked = np.column_stack([joints, ids, s])[slice(None) if rows is None else rows]
     asked = asked[asked[:, -2] >= 0]
@@ -131,7 +131,7 @@ def off_the_path(done: Cut, rows: np.ndarray | None = None) -> tuple[float, floa
     wanted = []
     for *here, number, place in asked.tolist():
         near = done.kinematics.rotaries(here)
-        found = done.stretches[int(number)].motion.joints(place, near, done.kinematics)
+        found = done.segments[int(number)].motion.joints(place, near, done.kinematics)
         assert found is not None
         wanted.append(found)
     length = max((tool.length_mm for tool in done.machine.tools), default=0.0)

@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 from support.fakes.fake_engine import served
+from support.fakes.written_history import WrittenHistory
 from support.live.served_machine import serving
 from support.machines.interrupted_runs import fresh, rest_of, resumed
 from support.net import normal
@@ -27,9 +28,10 @@ from controller.api.store import Store
 from controller.ipc.handoff import COLUMN
 from controller.machine import machine_file
 from controller.plan.restart.program_position import Spot
-from controller.service import restart_preview, runs
+from controller.service import restart_preview
 from controller.service.command_handlers import CommandHandlers
 from controller.service.service import Service
+from controller.store import history
 
 ARCHIVE = "state.tar.xz"
 LINE = 9  # it was held here
@@ -88,8 +90,7 @@ def _panel(state: Path) -> None:
     store.queue.add("part.ngc", 3, "anna")
     store.settings.set("language", "de", "anna")
     store.audit.add("anna", "127.0.0.1", "load", "part.ngc")
-    number = store.runs.begin("part.ngc", "0" * 64)
-    store.runs.end(number, "completed")
+    WrittenHistory(state).run("part.ngc", "completed")
     store.close()
 
 
@@ -126,7 +127,6 @@ def text(folder: Path) -> str:
 
 
 def _of_service(scratch: Path) -> Iterator[str]:
-    runs.lose(scratch / "state")
     (written,) = (scratch / "state").glob("runs/*-part.ngc/machine.toml")  # the shipped one may have changed
     service = served(scratch, machine_file.read(written.read_text(), "trunnion.toml"))
     desk = CommandHandlers(service)
@@ -139,8 +139,9 @@ def _of_service(scratch: Path) -> Iterator[str]:
         yield from normal.lines(job.program.spot._asdict(), "spot")
         yield from normal.lines(job.fitted, "fitted")
         yield from normal.lines(_rest(service, job.program.spot, job.program.machine), "rest")
-        for run in runs.list_runs(service.state):
-            yield from normal.lines({key: run[key] for key in ("result", "name") if key in run}, "run")
+        with history.reading(service.state) as past:
+            for run in past.runs():
+                yield from normal.lines({"result": run.result, "name": run.program}, "run")
         for alarm in service.alarms.list():
             yield from normal.lines({"name": alarm["name"]}, "alarm")
         used = service.usage.to_json()
@@ -168,7 +169,6 @@ def _of_panel(state: Path) -> Iterator[str]:
             "queue": [[one.program, one.count] for one in store.queue.all()],
             "settings": store.settings.all(),
             "audit": [[one.user, one.action, one.detail] for one in store.audit.list()],
-            "runs": [[one.program, one.result] for one in store.runs.list()],
         }
         yield from normal.lines(found, "store")
     finally:

@@ -15,8 +15,9 @@ import numpy as np
 import numpy.typing as npt
 from support.parts.random_contours import Piece
 
+from controller.geometry.arrays import Array
+
 Points = npt.NDArray[np.complex128]
-Array = npt.NDArray[np.float64]
 NEAR_MM = 1e-6
 
 
@@ -75,7 +76,7 @@ def _middle(piece: Piece) -> complex:
 def hindrance(pieces: Sequence[Piece], off: float) -> str:
     """Why no unbroken way goes beside a whole contour; "" where only its inside corners cost some of it.
 
-    What can be touched of each piece has to be one stretch, which reaches its ends but for inside corners,
+    What can be touched of each piece has to be one segment, which reaches its ends but for inside corners,
     and there the cutter has to stand in one place when it leaves one piece and comes to the next.
     """
     step = 0.02 * abs(off)
@@ -83,7 +84,7 @@ def hindrance(pieces: Sequence[Piece], off: float) -> str:
     for number, sample in enumerate(samples):
         changes = np.count_nonzero(np.diff(np.concatenate(([False], sample.free, [False])).astype(int)))
         if changes != 2:
-            return f"piece {number} is touched in {changes // 2} stretches"
+            return f"piece {number} is touched in {changes // 2} segments"
     for number, (one, two) in enumerate(itertools.pairwise(samples)):
         turn = np.angle(pieces[number + 1].heading(at_end=False) / pieces[number].heading(at_end=True))
         if turn * off < 1e-9 and not (one.free[-1] and two.free[0]):

@@ -9,7 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from support.oracles.tilted_planes import Array, Bench, turned_about
+from support.oracles.tilted_planes import Bench, turned_about
+
+from controller.geometry.arrays import Array
 
 Words = dict[str, float]
 

@@ -12,7 +12,7 @@ are differences of b. The jerk limit over b^(1/2) is convex and lies above its t
 tangent in its place what a linear program finds keeps the limit, and one program follows the other from
 where the last one ended, each within a region of trust that shrinks as the gain does.
 
-Where stretches join, q'' may jump: a step of acceleration, which may take all of the jerk of one tick.
+Where segments join, q'' may jump: a step of acceleration, which may take all of the jerk of one tick.
 """
 
 from __future__ import annotations
@@ -29,10 +29,11 @@ from scipy.optimize import linprog
 
 from controller.machine.kinematics import Kinematics, kinematics_of
 from controller.machine.model import Machine
-from controller.plan.path.path import Stretch, joints_along
+from controller.plan.rotaries.branch import joints_along
+from controller.plan.segment import Segment
 
 NODES = 400
-SAMPLES = 600  # of each stretch
+SAMPLES = 600  # of each segment
 MAX_TRUST, MIN_TRUST = 1.0, 2e-3  # change of ln b in one program
 ENOUGH = 2e-5  # gain of time in one program that is none
 MAX_PROGRAMS = 120
@@ -43,16 +44,16 @@ Derivatives = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 class Optimum(NamedTuple):
     seconds: float
-    passed_s: np.ndarray  # (n + 1,) when each of the n stretches begins, and the end of the last
+    passed_s: np.ndarray  # (n + 1,) when each of the n segments begins, and the end of the last
 
 
-def optimum(stretches: Sequence[Stretch], machine: Machine, nodes: int = NODES) -> Optimum:
-    """The shortest time from rest to rest over ``stretches``, run through at their feeds at most."""
-    path = _Path.of(stretches, kinematics_of(machine))
+def optimum(segments: Sequence[Segment], machine: Machine, nodes: int = NODES) -> Optimum:
+    """The shortest time from rest to rest over ``segments``, run through at their feeds at most."""
+    path = _Path.of(segments, kinematics_of(machine))
     programs = _Programs(path, machine, nodes)
     b = programs.solved()
     times = programs.times(b)
-    begins = np.concatenate([[0.0], np.cumsum([s.motion.end for s in stretches])])
+    begins = np.concatenate([[0.0], np.cumsum([s.motion.end for s in segments])])
     return Optimum(float(times[-1]), np.interp(begins / path.end, _way(programs.x)[0], times))
 
 
@@ -65,15 +66,15 @@ class _Path:
     feeds: np.ndarray
 
     @staticmethod
-    def of(stretches: Sequence[Stretch], kinematics: Kinematics) -> _Path:
+    def of(segments: Sequence[Segment], kinematics: Kinematics) -> _Path:
         splines, lengths, feeds = [], [], []
-        for stretch in stretches:
-            for begin, end in _smooth_parts(stretch):
+        for segment in segments:
+            for begin, end in _smooth_parts(segment):
                 s = np.linspace(begin, end, SAMPLES)
-                joints = np.asarray(joints_along(stretch, s, kinematics))
+                joints = np.asarray(joints_along(segment, s, kinematics))
                 splines.append(make_interp_spline(s - begin, joints, k=5))
                 lengths.append(end - begin)
-                feeds.append(float(stretch.feed_at(np.array([0.5 * (begin + end)]))[0]))
+                feeds.append(float(segment.feed_at(np.array([0.5 * (begin + end)]))[0]))
         return _Path(splines, np.concatenate([[0.0], np.cumsum(lengths)]), np.array(feeds))
 
     @property
@@ -106,10 +107,10 @@ class _Path:
         return np.where(jump > ROUNDING * np.abs(sides).max(axis=1), jump, 0.0)
 
 
-def _smooth_parts(stretch: Stretch) -> list[tuple[float, float]]:
+def _smooth_parts(segment: Segment) -> list[tuple[float, float]]:
     """A lead is a spline, whose third derivative jumps at its knots, and has feeds of its own."""
-    end = stretch.motion.end
-    marks = [0.0, end, *(at for at, _ in stretch.feed_steps), *getattr(stretch.motion, "knots", ())]
+    end = segment.motion.end
+    marks = [0.0, end, *(at for at, _ in segment.feed_steps), *getattr(segment.motion, "knots", ())]
     found = np.unique(np.clip(marks, 0.0, end))
     found = found[np.concatenate([[True], np.diff(found) > 1e-9])]
     return list(itertools.pairwise([*found[:-1].tolist(), end]))

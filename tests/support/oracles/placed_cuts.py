@@ -70,15 +70,15 @@ def assert_on_placed_surfaces(done: Cut, whole: bool = True) -> int:
     tips, axes = tool_paths.tool(done.joints, done.machine, 0.0)
     ids, cutting = done.column("motion_id").astype(int), done.trace.cutting
     found = 0
-    for k, stretch in done.stretches.items():
+    for k, segment in done.segments.items():
         rows = np.flatnonzero(cutting & (ids == k))
-        if not stretch.cutting or not len(rows):
+        if not segment.cutting or not len(rows):
             continue
-        assert isinstance(stretch.motion, SurfaceCut) and isinstance(stretch.motion.surface, Placed)
+        assert isinstance(segment.motion, SurfaceCut) and isinstance(segment.motion.surface, Placed)
         u = done.trace.u[rows]
-        off = off_the_axis(stretch.motion.surface, u, tips[rows], axes[rows])
-        assert off < TIP_MM, f"{off:.2e} mm off the place in line {stretch.place.line}"
-        assert (np.diff(u) > -1e-9).all(), f"backwards in line {stretch.place.line}"
+        off = off_the_axis(segment.motion.surface, u, tips[rows], axes[rows])
+        assert off < TIP_MM, f"{off:.2e} mm off the place in line {segment.place.line}"
+        assert (np.diff(u) > -1e-9).all(), f"backwards in line {segment.place.line}"
         assert not whole or (u[0] < 0.05 and u[-1] > 0.95)
         found += 1
     return found

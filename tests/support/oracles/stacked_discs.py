@@ -68,10 +68,10 @@ def _poses(text: str, machine: Machine) -> tuple[np.ndarray, np.ndarray, list[tu
     walk = checked.path_of(task, checked.chosen_for(task))
     fitted = passes.Fitted.of(checked._blocks(task), machine)
     tips, axes, tools = list[np.ndarray](), list[np.ndarray](), list[tuple[int, Tool]]()
-    for stretch in checked.stretches(walk).values():
-        tool, end = fitted.at(stretch.place.order), stretch.motion.end
+    for segment in checked.segments(walk).values():
+        tool, end = fitted.at(segment.place.order), segment.motion.end
         s = np.linspace(0.0, end, max(8, int(end / STEP_MM)))
-        joints = joints_along(stretch, s, task.kinematics)
+        joints = joints_along(segment, s, task.kinematics)
         tip, axis = tool_paths.tool(joints, machine, tool.length_mm)
         tools.append((sum(map(len, tips)), tool))
         tips.append(tip)

@@ -14,11 +14,11 @@ from functools import cache, lru_cache
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
-Array = npt.NDArray[np.float64]
+from controller.geometry.arrays import Array
+
 Words = Mapping[str, float]
 
 GRID_DEG = 5.0

@@ -1,6 +1,6 @@
 """The shortest time of a path by toppra with velocity and acceleration limits alone: no controller beats it.
 
-Each smooth stretch from rest to rest, or at any speed where it joins another. Near an end at rest
+Each smooth segment from rest to rest, or at any speed where it joins another. Near an end at rest
 the time lives in ever smaller steps, so the grid is refined there until the time is stable.
 Joints are sampled and splined; nothing of the planner is used but the motions themselves.
 """
@@ -18,7 +18,8 @@ from scipy.interpolate import PPoly, make_interp_spline
 
 from controller.machine.kinematics import Kinematics, kinematics_of
 from controller.machine.model import Kind, Limits, Machine
-from controller.plan.path.path import Stretch, joints_along
+from controller.plan.rotaries.branch import joints_along
+from controller.plan.segment import Segment
 
 STABLE = 1e-3
 FIRST_GRID = 400
@@ -35,33 +36,33 @@ def linuxcnc(machine: Machine) -> Machine:
     return replace(machine, axes=tuple(axes))
 
 
-def seconds(stretches: Iterable[Stretch], machine: Machine) -> float:
-    """Sum of the shortest times of the stretches, each from rest to rest at no more than its feed."""
+def seconds(segments: Iterable[Segment], machine: Machine) -> float:
+    """Sum of the shortest times of the segments, each from rest to rest at no more than its feed."""
     kinematics = kinematics_of(machine)
-    return sum(_of_one(stretch, machine, kinematics, (False, False)) for stretch in stretches)
+    return sum(_of_one(segment, machine, kinematics, (False, False)) for segment in segments)
 
 
-def seconds_of_cuts(run: Sequence[Stretch], machine: Machine) -> float:
-    """As ``seconds``, of the cuts in a row of stretches that is run through without a rest."""
+def seconds_of_cuts(run: Sequence[Segment], machine: Machine) -> float:
+    """As ``seconds``, of the cuts in a row of segments that is run through without a rest."""
     kinematics, last = kinematics_of(machine), len(run) - 1
     return sum(
-        _of_one(stretch, machine, kinematics, (k > 0, k < last))
-        for k, stretch in enumerate(run)
-        if stretch.cutting
+        _of_one(segment, machine, kinematics, (k > 0, k < last))
+        for k, segment in enumerate(run)
+        if segment.cutting
     )
 
 
-def _of_one(stretch: Stretch, machine: Machine, kinematics: Kinematics, moving: tuple[bool, bool]) -> float:
-    joints = sampled(stretch, kinematics)
-    feed = stretch.feed_mm_s or 1e9
+def _of_one(segment: Segment, machine: Machine, kinematics: Kinematics, moving: tuple[bool, bool]) -> float:
+    joints = sampled(segment, kinematics)
+    feed = segment.feed_mm_s or 1e9
     count, before = FIRST_GRID, math.inf
     while True:
-        grid = _gathered(count) * stretch.motion.end
-        now = _shortest(joints, stretch.motion.end, machine, feed, grid, moving)
+        grid = _gathered(count) * segment.motion.end
+        now = _shortest(joints, segment.motion.end, machine, feed, grid, moving)
         if now < math.inf and abs(now - before) <= STABLE * now:
             return now
         if count > MAX_GRID:
-            raise ValueError(f"toppra's time of the {stretch.name} is not stable: {before} s, then {now} s.")
+            raise ValueError(f"toppra's time of the {segment.name} is not stable: {before} s, then {now} s.")
         count, before = 2 * count, now
 
 
@@ -71,10 +72,10 @@ def _gathered(count: int) -> np.ndarray:
     return 0.5 * (1.0 + np.sign(x) * (1.0 - (1.0 - np.abs(x)) ** ENDS))
 
 
-def sampled(stretch: Stretch, kinematics: Kinematics, count: int = 4000) -> PPoly:
+def sampled(segment: Segment, kinematics: Kinematics, count: int = 4000) -> PPoly:
     """Joints over s as a quintic spline through samples that gather at both ends."""
-    s = 0.5 * (1.0 - np.cos(np.linspace(0.0, np.pi, count))) * stretch.motion.end
-    return make_interp_spline(s, np.asarray(joints_along(stretch, s, kinematics)), k=5)
+    s = 0.5 * (1.0 - np.cos(np.linspace(0.0, np.pi, count))) * segment.motion.end
+    return make_interp_spline(s, np.asarray(joints_along(segment, s, kinematics)), k=5)
 
 
 class _Path(toppra.interpolator.AbstractGeometricPath):  # type: ignore[misc, name-defined]

@@ -63,8 +63,8 @@ def happening(done: Cut, tick: int, events: Sequence[Event] = ()) -> str:
     """What went on at a row of the trace, in words."""
     row = done.rows[tick]
     mode = Mode(int(row[COLUMN["mode"]])).name.lower()
-    stretch = done.stretches.get(int(row[COLUMN["motion_id"]]))
-    name = stretch.name if stretch is not None else "standstill"
+    segment = done.segments.get(int(row[COLUMN["motion_id"]]))
+    name = segment.name if segment is not None else "standstill"
     near = [e for e in events if 0 <= tick - e.tick <= RECENT]
     after = f", {tick - near[-1].tick} ticks after {near[-1].request.name} {near[-1].value:g}" if near else ""
     line, s = int(row[COLUMN["line"]]), row[COLUMN["s"]]

@@ -12,7 +12,7 @@ from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Joints, Machine
 from controller.motion.motions import JointMove
 from controller.plan.lines import moves
-from controller.plan.stretch import Diagnostics
+from controller.plan.segment import Diagnostics
 from controller.program import blocks
 from controller.program.position import Position, homed
 from controller.program.program import JointArc, JointLine

@@ -6,9 +6,8 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
-import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from controller.geometry.arrays import Array
 
 WIDTH_MM = 60.0  # of a row
 OVER_MM = 0.5  # from row to row

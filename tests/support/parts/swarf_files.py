@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from controller.geometry.arrays import Array
 from controller.geometry.curves import Bezier
 from controller.geometry.surfaces import RuledSurface
 from controller.geometry.vectors import Vector
-
-Array = NDArray[np.float64]
 
 
 def random_surface(seed: int) -> RuledSurface:

@@ -7,7 +7,6 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from OCP.BRepAlgoAPI import BRepAlgoAPI_Common, BRepAlgoAPI_Cut, BRepAlgoAPI_Fuse
 from OCP.BRepFilletAPI import BRepFilletAPI_MakeFillet
 from OCP.BRepPrimAPI import (
@@ -23,7 +22,7 @@ from OCP.TopoDS import TopoDS
 from scipy.optimize import least_squares
 from support.parts import cad_parts as parts
 
-Array = NDArray[np.float64]
+from controller.geometry.arrays import Array
 
 LOW = np.array([(0, 0, 0), (14, 9, 0), (30, -6, 0), (45, 2, 0)], dtype=float)
 HIGH = np.array([(1, 3, 22), (13, 9, 20), (29, 4, 24), (46, 7, 23)], dtype=float)

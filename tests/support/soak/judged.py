@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 
 import numpy as np
-from support.machines.interrupted_runs import distance, stretches
+from support.machines.interrupted_runs import distance, segments
 from support.machines.stepped_runs import shares
 from support.oracles import latched_setpoints
 from support.oracles.trace_limits import BOUNDS, KINDS
@@ -62,7 +62,7 @@ def path(text: str, machine: Machine, rows: np.ndarray, start: Joints, in_spindl
     mine = rows[(ids >= 0) & (ids < ENTRY_ID) & (rows[:, COLUMN["mode"]] == Mode.RUNNING)][::EVERY]
     if not len(mine):
         return []
-    off_mm = distance(mine, stretches(text, machine, start, in_spindle), kinematics_of(machine))
+    off_mm = distance(mine, segments(text, machine, start, in_spindle), kinematics_of(machine))
     return [] if off_mm < SAME_MM else [(0, f"the joints are {off_mm:.7f} off the program's motions")]
 
 

@@ -430,7 +430,7 @@ def _found(
 
 
 def _sound(rows: np.ndarray) -> list[np.ndarray]:
-    """Stretches of rows in which the tick leads the axes, and no fault has taken the path away."""
+    """Segments of rows in which the tick leads the axes, and no fault has taken the path away."""
     leads = rows[:, COLUMN["switches"]].astype(int) & OFF_PATH == 0
     good = leads & (rows[:, COLUMN["fault"]] == 0.0) & (rows[:, COLUMN["mode"]] != Mode.FAULT)
     edges = np.flatnonzero(np.diff(good.astype(int), prepend=0, append=0))
@@ -465,9 +465,9 @@ def _of_record(folder: Path, parts: list[np.ndarray]) -> list[judged.Wrong]:
             found.append((facts["first_tick"], f"{folder.name} has other setpoints than were seen"))
         begin = whole.recorded.begin.start
         if begin.spot is None and not begin.typed and not begin.dry_run_mm and len(parts) == 1:
-            stretch = [one for one in _sound(mine) if len(one)][:1]
+            segment = [one for one in _sound(mine) if len(one)][:1]
             text = whole.text.decode()
-            for one in stretch:
+            for one in segment:
                 found += judged.path(text, whole.machine, one, begin.joints, begin.in_spindle)
     found += judged.again(folder)
     return [(tick, f"{folder.name}: {text}") for tick, text in found]

@@ -63,7 +63,7 @@ function Alarm({ alarm: { id, name, axis, at_s, facts, acknowledged_s, acknowled
   const open = acknowledged_s === null;
   const acknowledge = async () => (await call("POST", `alarms/${id}/acknowledge`)).ok && list.look();
   return html`<article class="alarm-card" data-open=${open ? "1" : undefined}>
-    <${Head} number=${facts.number ?? id} name=${name} axis=${axis} facts=${facts} at_s=${at_s} />
+    <${Head} number=${id} name=${name} axis=${axis} facts=${facts} at_s=${at_s} />
     <p><strong>${told}</strong></p>
     <dl class="facts">
       ${["cause", "remedy"].map((what) => said(name, what, facts) && html`<dt>${word(what)}</dt><dd>${said(name, what, facts)}</dd>`)}

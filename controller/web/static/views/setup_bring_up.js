@@ -60,7 +60,7 @@ function Question({ question: { number: of, question: kind, text: asks } }) {
       ${kind === "confirm" && html`<${Act} id="step-yes" text=${text("frame.yes")} kind="go" ...${set_up} press=${() => say(true)} /><${Act} id="step-no" text=${word("not_so")} ...${set_up} press=${() => say(false)} />`}
       ${kind === "hand" && html`<${Act} id="step-done" text=${word("done")} kind="go" ...${set_up} press=${() => say(true)} />`}
       ${kind === "watch" && html`<span class="dim">${word("watches")}</span><${Act} id="step-none" text=${word("none_there")} ...${set_up} press=${() => say(true)} />`}
-      ${kind !== "watch" && html`<${Act} id="step-leave" text=${word("leave")} ...${set_up} press=${() => say(null)} />`}</div></div>`;
+      <${Act} id="step-leave" text=${word("leave")} ...${set_up} press=${() => say(null)} /></div></div>`;
 }
 
 const Found = ({ row: { figures = [], findings = [], proposals = [], at_s, not_done } }) => html`

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -138,3 +140,26 @@ def test_what_is_sought_again_in_a_part_is_what_all_of_it_would_be(where: slice)
     assert np.array_equal(found.c[others], begun.c[others])
     assert duration(limits, begun.c) < duration(limits, wanted.c)
     assert duration(limits, found.c) <= (1.0 + 1e-3) * duration(limits, wanted.c)
+
+
+def test_limits_that_are_far_away_can_be_left_out_of_a_search_that_has_come_near() -> None:
+    limits = line()
+    shares = (1.0, 0.6, 0.3)
+    wide = replace(
+        limits, straight=_scaled(limits.straight, shares), jerk=_scaled(limits.jerk, shares), held=None
+    )
+    near = barrier.solve(wide, np.full(82, 10.0), gap=2e-2)
+    few, every = (barrier.solve(wide, near.c, near, few=which) for which in (True, False))
+    assert few.price.shape == every.price.shape
+    assert ((few.price > barrier.MIN_PRICE).sum(axis=0) <= 3 * barrier.MOST_USED).all()
+    assert worst(limits, few.c) <= 1.0 + 1e-6
+    assert duration(limits, few.c) == pytest.approx(duration(limits, every.c), rel=2.0 * barrier.GAP)
+    part = np.arange(80) > 20
+    again = barrier.solve_near(wide, few, part, few=True)
+    assert worst(limits, again.c) <= 1.0 + 1e-6 and (again.c[:22] == few.c[:22]).all()
+
+
+def _scaled(form: Form, shares: tuple[float, ...]) -> Form:
+    """Each row, and after it what is so much of it."""
+    rows = [[k * row for row in value for k in shares] for value in (form.low, form.mid, form.high)]
+    return Form(*(np.array(of) for of in rows))

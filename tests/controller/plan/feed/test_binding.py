@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from support.machines.shipped_kinds import machine
-from support.machines.traced_programs import stretches, trace
+from support.machines.traced_programs import segments, trace
 
 from controller.ipc.handoff import Law
 from controller.machine.kinematics import kinematics_of
@@ -31,7 +31,7 @@ def limited(name: str, limits: Limits) -> Machine:
 
 def line(text: str, built: Machine) -> FeedCourse:
     """The course of the last move of a program."""
-    return FeedCourse(stretches(trace(text, built))[-1:], built, kinematics_of(built))
+    return FeedCourse(segments(trace(text, built))[-1:], built, kinematics_of(built))
 
 
 def even(course: FeedCourse, feed: float, acceleration: float, jerk: float) -> list[tuple[int, Law]]:
@@ -52,9 +52,9 @@ def test_a_cruise_at_the_programmed_feed_is_bound_by_the_feed() -> None:
 def test_with_an_override_it_is_the_feed_times_override_that_binds() -> None:
     built = machine()
     half = line("G1 X50 F600\n", built)
-    half = FeedCourse(half.stretches, built, kinematics_of(built), override=0.5)
+    half = FeedCourse(half.segments, built, kinematics_of(built), override=0.5)
     assert Binding.FEED in codes_of(half, even(half, 5.0, 500.0, 1e4))
-    full = FeedCourse(half.stretches, built, kinematics_of(built))
+    full = FeedCourse(half.segments, built, kinematics_of(built))
     assert codes_of(full, even(full, 5.0, 500.0, 1e4)) == {Binding.NOTHING}
 
 
@@ -92,7 +92,7 @@ def test_of_two_axes_the_one_that_is_nearer_to_its_limit_is_named() -> None:
 
 def test_a_junction_passed_as_fast_as_its_jump_allows_is_a_corner() -> None:
     built = machine()
-    pair = stretches(trace("G1 X20 F600\nG1 X40 Y0.02\n", built))[-2:]
+    pair = segments(trace("G1 X20 F600\nG1 X40 Y0.02\n", built))[-2:]
     course = FeedCourse(pair, built, kinematics_of(built))
     speed = course.junctions[0]
     assert speed < 10.0
@@ -125,11 +125,11 @@ def test_the_limits_of_the_tool_itself_bind_where_the_machine_file_has_them() ->
     kinematics = kinematics_of(built)
     ring = line("G0 X0 Y0\nG3 X20 Y0 I10 F3000\n", built)
     tip = replace(built, tip_acceleration_mm_s2=90.0)
-    slow = FeedCourse(ring.stretches, tip, kinematics)
+    slow = FeedCourse(ring.segments, tip, kinematics)
     planned = profile.plan(slow)
     assert planned is not None and planned.duration_s > ring.length / 30.0 * 0.99  # sqrt(90 * 10) = 30 mm/s
     assert Binding.TIP_ACCELERATION in codes_of(slow, planned.laws(slow))
     turn = line("G1 X5 C90 F3000\nG1 X10 A30 C180 F3000\n", built)
-    lazy = FeedCourse(turn.stretches, replace(built, axis_speed_rad_s=0.2), kinematics)
+    lazy = FeedCourse(turn.segments, replace(built, axis_speed_rad_s=0.2), kinematics)
     planned = profile.plan(lazy)
     assert planned is not None and Binding.AXIS_ANGULAR_SPEED in codes_of(lazy, planned.laws(lazy))

@@ -12,7 +12,7 @@ from controller.machine.kinematics import kinematics_of
 from controller.plan.feed import bounds, profile, search
 from controller.plan.feed.course import FeedCourse
 from controller.plan.report.planned import windows_along
-from controller.plan.stretch import Chain
+from controller.plan.segment import ContinuousPath
 from controller.plan.track import Track
 
 SHARP = 5.0, 15.0
@@ -21,23 +21,23 @@ OF_TIME = 5e-3  # ... or by more for being sought in parts
 SEEDS = [1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (2, 3, 4, 5))]
 
 
-def row(count: int, feed: float = 3000.0, seed: int = 1, path: str = "G64 P0.001") -> Chain:
+def row(count: int, feed: float = 3000.0, seed: int = 1, path: str = "G64 P0.001") -> ContinuousPath:
     """The chain of all chords."""
     found = chains(plane_chords.program(count, SHARP, path, feed, seed), shipped())
-    feeds = (chain for chain in found if chain.stretches[0].feed_mm_s is not None)
-    return max(feeds, key=lambda chain: sum(one.motion.end for one in chain.stretches))
+    feeds = (chain for chain in found if chain.segments[0].feed_mm_s is not None)
+    return max(feeds, key=lambda chain: sum(one.motion.end for one in chain.segments))
 
 
-def duration_s(chain: Chain) -> float:
-    return sum(law.duration_s for law in laws_of(chain.stretches, shipped()))
+def duration_s(chain: ContinuousPath) -> float:
+    return sum(law.duration_s for law in laws_of(chain.segments, shipped()))
 
 
 @pytest.mark.parametrize("path", ["G64 P0.001", "G64 P0.01"])
 @pytest.mark.parametrize("seed", SEEDS)
 def test_setpoints_of_a_row_of_corners_keep_every_limit(seed: int, path: str) -> None:
     machine, chain = shipped(), row(150, seed=seed, path=path)
-    laws = laws_of(chain.stretches, machine)
-    velocity, acceleration, jerk = largest(sampled(chain.stretches, laws, machine)[0], machine)
+    laws = laws_of(chain.segments, machine)
+    velocity, acceleration, jerk = largest(sampled(chain.segments, laws, machine)[0], machine)
     assert velocity <= 1.0005 and acceleration <= 1.002 and jerk <= 1.015
 
 
@@ -85,6 +85,6 @@ def test_windows_of_a_row_of_corners_are_as_fast_as_the_whole() -> None:
     machine, chain = shipped(), row(700, feed=500.0)
     track = Track([chain], machine, kinematics_of(machine))
     windows = list(windows_along(track, machine, kinematics_of(machine)))
-    whole = profile.plan(FeedCourse(chain.stretches, machine, kinematics_of(machine)))
+    whole = profile.plan(FeedCourse(chain.segments, machine, kinematics_of(machine)))
     assert whole is not None
     assert windows[-1].end_s - windows[0].start_s <= 1.01 * whole.duration_s

@@ -26,7 +26,7 @@ from controller.machine.model import Machine
 from controller.motion.motions import JointMove, SurfaceCut, ToolLine
 from controller.plan.feed.course import FeedCourse
 from controller.plan.feed.limits import JointLimits, ramp_length
-from controller.plan.stretch import Stretch
+from controller.plan.segment import Segment
 from controller.plan.surfaces import rates
 from controller.plan.surfaces.rates import Derivatives
 from controller.program.program import Place
@@ -36,8 +36,8 @@ KINDS = ("fig4a", "fig4b", "fig4c", "fig4d", "table_head", "head_head", "oblique
 
 def cut_of(
     surface: Surface, built: Machine, kinematics: Kinematics, offset: float, length: float
-) -> Stretch | None:
-    """The surface as a stretch on the first branch that reaches both of its ends."""
+) -> Segment | None:
+    """The surface as a segment on the first branch that reaches both of its ends."""
     arc = arc_length.of(surface.lower)
     motion = SurfaceCut(surface, arc, offset, length, Frame((30.0, -20.0, 60.0)))
     axis = surface.axis(0.0)
@@ -48,7 +48,7 @@ def cut_of(
     end = motion.joints(motion.end, pair, kinematics)
     if start is None or end is None:
         return None
-    return Stretch(motion, Place(1, 1), 20.0, True, start, end, True, "cut")
+    return Segment(motion, Place(1, 1), 20.0, True, start, end, True, "cut")
 
 
 def surface_of(seed: int) -> RuledSurface:
@@ -56,14 +56,14 @@ def surface_of(seed: int) -> RuledSurface:
     return RuledSurface(Bezier(tuple(map(tuple, upper))), Bezier(tuple(map(tuple, lower))))
 
 
-def differences(stretch: Stretch, s: np.ndarray, kinematics: Kinematics, h: float) -> list[np.ndarray]:
+def differences(segment: Segment, s: np.ndarray, kinematics: Kinematics, h: float) -> list[np.ndarray]:
     """First to third derivative by central differences of what the tick would send."""
-    near = kinematics.rotaries(stretch.start)
+    near = kinematics.rotaries(segment.start)
     rows = []
     for at in s:
         samples = []
         for k in range(-4, 5):
-            q = stretch.motion.joints(float(at + k * h), near, kinematics)
+            q = segment.motion.joints(float(at + k * h), near, kinematics)
             assert q is not None
             near = kinematics.rotaries(q)
             samples.append(q)
@@ -75,10 +75,10 @@ def differences(stretch: Stretch, s: np.ndarray, kinematics: Kinematics, h: floa
     return [first, second, third]
 
 
-def assert_agree(stretch: Stretch, kinematics: Kinematics, label: object) -> None:
-    s = np.linspace(0.2, 0.8, 13) * stretch.motion.end
-    exact = rates.derivatives(stretch, s, kinematics)
-    found = differences(stretch, s, kinematics, 0.001 * stretch.motion.end)
+def assert_agree(segment: Segment, kinematics: Kinematics, label: object) -> None:
+    s = np.linspace(0.2, 0.8, 13) * segment.motion.end
+    exact = rates.derivatives(segment, s, kinematics)
+    found = differences(segment, s, kinematics, 0.001 * segment.motion.end)
     for mine, theirs, share in zip(
         (exact.first, exact.second, exact.third), found, (1e-6, 1e-5, 1e-3), strict=True
     ):
@@ -91,9 +91,9 @@ def test_derivatives_of_a_cut_are_those_of_the_joints(kind: str) -> None:
     built = machine(kind)
     kinematics = kinematics_of(built)
     for seed in range(3):
-        stretch = cut_of(surface_of(seed), built, kinematics, (-1) ** seed * 2.0, 40.0)
-        assert stretch is not None
-        assert_agree(stretch, kinematics, (kind, seed))
+        segment = cut_of(surface_of(seed), built, kinematics, (-1) ** seed * 2.0, 40.0)
+        assert segment is not None
+        assert_agree(segment, kinematics, (kind, seed))
 
 
 def test_derivatives_of_a_cut_are_those_of_the_joints_on_random_oblique_machines() -> None:
@@ -111,20 +111,20 @@ def test_derivatives_of_a_cut_are_those_of_the_joints_on_random_oblique_machines
             + abs(math.remainder(p[0][1] - p[1][1], math.tau))
             for p in reach
         ]
-        stretch = cut_of(surface, built, kinematics, 1.5, 30.0)
-        if stretch is None or min(gaps) < 0.3:
+        segment = cut_of(surface, built, kinematics, 1.5, 30.0)
+        if segment is None or min(gaps) < 0.3:
             continue  # beside a place where both branches meet differences are rough
         tried += 1
-        assert_agree(stretch, kinematics, seed)
+        assert_agree(segment, kinematics, seed)
     assert tried >= 5
 
 
 def test_on_an_upright_wall_a_free_rotary_turns_the_derivatives_to_where_it_stands() -> None:
     """C stands at 50 degrees all along, so X and Y of the machine are not those of the part."""
     program = b"T2 M6\nS12000 M3\nG0 C50\nG51 X10. Y0. Z0. I0. J0. K0. H10. R10. D90. F300.\n"
-    (stretch,) = named(trace(program.decode(), shipped()), "cut")
-    assert math.degrees(stretch.start[4]) == pytest.approx(50.0)
-    assert_agree(stretch, kinematics_of(shipped()), "upright")
+    (segment,) = named(trace(program.decode(), shipped()), "cut")
+    assert math.degrees(segment.start[4]) == pytest.approx(50.0)
+    assert_agree(segment, kinematics_of(shipped()), "upright")
 
 
 def test_at_a_pole_the_derivatives_are_those_of_the_limit_from_inside() -> None:
@@ -132,19 +132,19 @@ def test_at_a_pole_the_derivatives_are_those_of_the_limit_from_inside() -> None:
 
     built = machine("fig4a")
     kinematics = kinematics_of(built)
-    stretch = cut_of(example_2()[0], built, kinematics, 3.0, 0.0)
-    assert stretch is not None
-    at_pole = rates.derivatives(stretch, np.array([0.0, 2e-6]), kinematics)
-    beside = rates.derivatives(stretch, np.array([2e-3, 3e-3]), kinematics)
+    segment = cut_of(example_2()[0], built, kinematics, 3.0, 0.0)
+    assert segment is not None
+    at_pole = rates.derivatives(segment, np.array([0.0, 2e-6]), kinematics)
+    beside = rates.derivatives(segment, np.array([2e-3, 3e-3]), kinematics)
     for mine, near in zip((at_pole.first, at_pole.second), (beside.first, beside.second), strict=True):
         assert np.isfinite(mine).all()
         np.testing.assert_allclose(mine, near, rtol=0.02, atol=0.02 * np.abs(near).max())
 
 
-def jumps(stretches: Sequence[Stretch], built: Machine) -> list[np.ndarray]:
-    """Of the joints' rates where one stretch goes over into the next, as shares of the larger one."""
+def jumps(segments: Sequence[Segment], built: Machine) -> list[np.ndarray]:
+    """Of the joints' rates where one segment goes over into the next, as shares of the larger one."""
     kinematics, found = kinematics_of(built), []
-    for before, after in itertools.pairwise(stretches):
+    for before, after in itertools.pairwise(segments):
         left = rates.derivatives(before, np.array([before.motion.end]), kinematics).first[0]
         right = rates.derivatives(after, np.array([0.0]), kinematics).first[0]
         found.append(np.abs(right - left) / np.maximum(np.abs(left), np.abs(right)).max())
@@ -154,7 +154,7 @@ def jumps(stretches: Sequence[Stretch], built: Machine) -> list[np.ndarray]:
 def test_rates_are_the_same_on_both_sides_where_a_surface_is_cut_in_two_at_a_knot() -> None:
     """Taken two microns apart they seemed to jump by 1e-4: a slow machine crept over every such joint."""
     built = published()
-    cuts = [s for chain in chains(two_rails(), built) for s in chain.stretches if s.cutting]
+    cuts = [s for chain in chains(two_rails(), built) for s in chain.segments if s.cutting]
     assert len(cuts) == 5
     assert max(jump.max() for jump in jumps(cuts, built)) < 1e-9
 
@@ -164,7 +164,7 @@ def test_rates_are_the_same_on_both_sides_where_a_tool_line_is_cut_in_two() -> N
     built, lean = shipped(), [math.tan(math.radians(turn)) for turn in (20.0, 30.0, 40.0)]
     words = [f"X{10 * k}. Y0. Z0. I{x:.12f} J0. K1." for k, x in enumerate(lean)]
     source = "\n".join(["G21 G90 G54 G61", "G43.5 H2", f"G1 {words[0]} F500.", *words[1:], "M30", ""])
-    lines = [s for chain in chains(source, built) for s in chain.stretches if isinstance(s.motion, ToolLine)]
+    lines = [s for chain in chains(source, built) for s in chain.segments if isinstance(s.motion, ToolLine)]
     lines = [line for line in lines if line.motion.angle_rad > 0.01][-2:]
     assert len(lines) == 2
     assert max(jump.max() for jump in jumps(lines, built)) < 1e-9
@@ -176,7 +176,7 @@ def test_derivatives_of_a_line_are_constant_and_those_of_an_arc_turn() -> None:
     s = np.linspace(0.0, 10.0, 5)
     line = JointMove(Line((0, 0, 0), (6.0, 8.0, 0.0)), 10.0, (0.0, 0.0), (1.0, -2.0))
     arc = JointMove(Arc((0, 0, 0), (5.0, 0, 0), (0, 5.0, 0), 2.0, (0, 0, 0)), 10.0, (0, 0), (0, 0))
-    rows = [Stretch(m, Place(1, 1), 10.0, False, (0,) * 5, (0,) * 5, True, "line") for m in (line, arc)]
+    rows = [Segment(m, Place(1, 1), 10.0, False, (0,) * 5, (0,) * 5, True, "line") for m in (line, arc)]
     straight, curved = (rates.derivatives(row, s, kinematics) for row in rows)
     values = [(0.6, 0.8, 0.0, 0.1, -0.2)[i] for i in kinematics.order]
     np.testing.assert_allclose(straight.first, [values] * 5, atol=1e-15)

@@ -13,15 +13,14 @@ from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
 from controller.plan.feed import mesh
 from controller.plan.feed.course import FeedCourse
-from controller.plan.path.path import Chain
-from controller.plan.stretch import Stretch
+from controller.plan.segment import ContinuousPath, Segment
 
 
-def cuts(feed: str, machine: Machine) -> list[Stretch]:
+def cuts(feed: str, machine: Machine) -> list[Segment]:
     home = tuple(axis.homing.position for axis in machine.axes)
     source = "G61\n" + program("example2.ngc", feed)  # the surfaces themselves, without a blend
     items = trace(source, machine, home).items  # type: ignore[arg-type]
-    return [s for item in items if isinstance(item, Chain) for s in item.stretches if s.cutting]
+    return [s for item in items if isinstance(item, ContinuousPath) for s in item.segments if s.cutting]
 
 
 def second_cut(feed: str = "3000.") -> mesh.Parts:

@@ -20,17 +20,17 @@ from controller.machine.model import Limits, Machine
 from controller.plan.feed import profile
 from controller.plan.feed.course import FeedCourse
 from controller.plan.feed.law import straight
-from controller.plan.stretch import Stretch
+from controller.plan.segment import Segment
 from controller.program.program import ProgramError
 
 MOST, MEDIAN = 1.15, 1.05  # times the optimum
 
 
-def cuts_of(source: str, machine: Machine) -> list[Stretch]:
-    return [s for chain in chains(source, machine) for s in chain.stretches if s.cutting]
+def cuts_of(source: str, machine: Machine) -> list[Segment]:
+    return [s for chain in chains(source, machine) for s in chain.segments if s.cutting]
 
 
-def ratio(cuts: list[Stretch], machine: Machine, label: object) -> float:
+def ratio(cuts: list[Segment], machine: Machine, label: object) -> float:
     """Planned time of the cuts over the optimum; the joints, sampled as the tick does, keep all limits."""
     laws = laws_of(cuts, machine)
     velocity, acceleration, jerk = largest(sampled(cuts, laws, machine)[0], machine)
@@ -54,7 +54,7 @@ def ratio(cuts: list[Stretch], machine: Machine, label: object) -> float:
 def test_the_optimum_of_a_straight_line_is_the_closed_form(limits: Limits) -> None:
     machine = shipped()
     machine = replace(machine, axes=tuple(replace(axis, limits=limits) for axis in machine.axes))
-    line = chains("G53 G0 X100.\nM30\n", machine)[0].stretches[0]
+    line = chains("G53 G0 X100.\nM30\n", machine)[0].segments[0]
     assert line.motion.end == 100.0
     wanted = straight(100.0, limits.velocity, limits.acceleration, limits.jerk).duration_s
     assert jerk_limited_time.optimum([line], machine).seconds == pytest.approx(wanted, rel=3e-3)
@@ -135,8 +135,8 @@ def test_random_compounds_take_little_more_than_an_optimum_that_begins_and_ends_
         except (ProgramError, ValueError):
             continue
         for chain in whole:
-            for run in profile.split_at_stops(chain.stretches, machine, kinematics):
-                if not any(stretch.cutting for stretch in run):
+            for run in profile.split_at_stops(chain.segments, machine, kinematics):
+                if not any(segment.cutting for segment in run):
                     continue
                 planned = profile.plan(FeedCourse(run, machine, kinematics))
                 assert planned is not None

@@ -26,7 +26,7 @@ from controller.plan.feed.course import FeedCourse
 from controller.plan.feed.law import straight, through
 from controller.plan.feed.limits import JointLimits
 from controller.plan.feed.profile import Profile, State
-from controller.plan.path.path import Chain
+from controller.plan.segment import ContinuousPath
 from controller.program.program import ProgramError
 
 OVERSHOOT = 1e-9  # of the feed: rounding
@@ -119,29 +119,31 @@ def test_an_even_piece_has_no_jerk_at_all() -> None:
 # --- whole programs, sampled as the tick samples them
 
 
-def assert_exact_feed(chain: Chain, laws: list[Law], places: list[np.ndarray], machine: Machine) -> float:
+def assert_exact_feed(
+    chain: ContinuousPath, laws: list[Law], places: list[np.ndarray], machine: Machine
+) -> float:
     """Where the feed is reached every tick covers feed x period; the share of ticks that do."""
     even, all_of = 0, 0
-    for stretch, law, s in zip(chain.stretches, laws, places, strict=True):
-        if stretch.cutting:
-            assert stretch.feed_mm_s is not None
+    for segment, law, s in zip(chain.segments, laws, places, strict=True):
+        if segment.cutting:
+            assert segment.feed_mm_s is not None
             step, speed = np.diff(s), np.array([law.at(t)[1] for t in np.linspace(0, law.duration_s, 400)])
-            wanted = stretch.feed_mm_s * machine.period_s
+            wanted = segment.feed_mm_s * machine.period_s
             assert step.max() <= wanted * (1 + OVERSHOOT)
-            assert speed.max() <= stretch.feed_mm_s * (1 + OVERSHOOT)
+            assert speed.max() <= segment.feed_mm_s * (1 + OVERSHOOT)
             even += int(np.count_nonzero(np.abs(step - wanted) <= 1e-5 * wanted))
             all_of += len(step)
     return even / max(all_of, 1)
 
 
-def assert_limits(chain: Chain, machine: Machine, label: object) -> tuple[float, float]:
+def assert_limits(chain: ContinuousPath, machine: Machine, label: object) -> tuple[float, float]:
     """(duration, share of ticks at exactly the feed)."""
-    laws = laws_of(chain.stretches, machine)
-    joints, places = sampled(chain.stretches, laws, machine)
+    laws = laws_of(chain.segments, machine)
+    joints, places = sampled(chain.segments, laws, machine)
     first, second, third = largest(joints, machine)
     assert first <= 1.0005 and second <= 1.002 and third <= 1.02, (label, first, second, third)
-    for stretch, law in zip(chain.stretches, laws, strict=True):
-        assert law.at(law.duration_s)[0] == pytest.approx(stretch.motion.end, rel=1e-12), label
+    for segment, law in zip(chain.segments, laws, strict=True):
+        assert law.at(law.duration_s)[0] == pytest.approx(segment.motion.end, rel=1e-12), label
     share = assert_exact_feed(chain, laws, places, machine)
     return sum(law.duration_s for law in laws), share
 
@@ -153,7 +155,7 @@ def test_example_2_keeps_all_limits_at_any_feed_and_its_feed_wherever_they_allow
     machine = shipped()
     for chain in chains(program("example2.ngc", feed), machine):
         _, share = assert_limits(chain, machine, feed)
-        if any(stretch.cutting for stretch in chain.stretches):
+        if any(segment.cutting for segment in chain.segments):
             assert share >= least
 
 
@@ -164,7 +166,7 @@ def test_example_2_at_its_own_feed_keeps_it_nearly_everywhere() -> None:
     assert max(shares) > 0.99
 
 
-def unseen(seed: int) -> tuple[list[Chain], Machine, float] | None:
+def unseen(seed: int) -> tuple[list[ContinuousPath], Machine, float] | None:
     rng = random.Random(seed)
     machine = shipped(
         rng.choice(("trunnion", "fig4b", "fig4c", "fig4d", "table_head", "head_head", "oblique45"))
@@ -206,27 +208,27 @@ def test_the_limits_hold_at_other_periods(period_s: float) -> None:
 
 def test_an_override_scales_the_feed_and_not_the_limits() -> None:
     machine = shipped()
-    chain = max(chains(program("example1_ready.ngc", "500."), machine), key=lambda c: len(c.stretches))
-    one, two = (laws_of(chain.stretches, machine, share) for share in (1.0, 2.0))
-    k = next(i for i, stretch in enumerate(chain.stretches) if stretch.cutting)
+    chain = max(chains(program("example1_ready.ngc", "500."), machine), key=lambda c: len(c.segments))
+    one, two = (laws_of(chain.segments, machine, share) for share in (1.0, 2.0))
+    k = next(i for i, segment in enumerate(chain.segments) if segment.cutting)
     middle = [law.at(law.duration_s / 2)[1] for law in (one[k], two[k])]
     assert middle[1] == pytest.approx(2.0 * middle[0], rel=1e-9)
-    assert largest(sampled(chain.stretches, two, machine)[0], machine)[1] <= 1.002
+    assert largest(sampled(chain.segments, two, machine)[0], machine)[1] <= 1.002
 
 
 def test_a_straight_chain_of_one_move_takes_the_closed_form() -> None:
     machine = shipped()
     chain = chains("G0 X100. Y50.\nM30\n", machine)[0]
-    assert len(laws_of(chain.stretches, machine)[0].coefficients) <= 7
+    assert len(laws_of(chain.segments, machine)[0].coefficients) <= 7
 
 
 def test_what_bends_by_next_to_nothing_takes_a_closed_form_that_is_as_fast_as_the_search() -> None:
     """Pivots of some hundredths of a degree, and the cuts of 4 mm between them, each from rest to rest."""
     machine = shipped()
     kinematics = kinematics_of(machine)
-    (chain,) = (c for c in chains(train(4, 0.2, decimals=3), machine) if any(s.cutting for s in c.stretches))
+    (chain,) = (c for c in chains(train(4, 0.2, decimals=3), machine) if any(s.cutting for s in c.segments))
     looked = {"pivot": 0, "cut": 0}
-    for run in profile.split_at_stops(chain.stretches, machine, kinematics):
+    for run in profile.split_at_stops(chain.segments, machine, kinematics):
         if len(run) > 1 or run[0].name not in looked:
             continue
         course = FeedCourse(run, machine, kinematics)
@@ -246,7 +248,7 @@ def test_a_feed_beyond_what_jerk_alone_reaches_has_a_ramp_of_three_phases() -> N
     feed = 1.2 * limits.acceleration**2 / limits.jerk
     assert feed < 0.6 * limits.velocity
     (chain,) = chains(f"G21 G90 G1 X200. F{60.0 * feed:.3f}\nM30\n", machine)
-    course = FeedCourse(chain.stretches, machine, kinematics_of(machine))
+    course = FeedCourse(chain.segments, machine, kinematics_of(machine))
     planned, law = profile.plan(course), cruise.law(course, *profile.REST, course.length)
     assert planned is not None and law is not None and len(planned.pieces) == 7
     assert_fine(course, Profile(*law), profile.REST, feed)
@@ -264,12 +266,12 @@ def courses(feed: str, machine: Machine, override: float = 1.0) -> list[FeedCour
     return [
         FeedCourse(run, machine, kinematics, override)
         for chain in chains(program("example2.ngc", feed), machine)
-        for run in profile.split_at_stops(chain.stretches, machine, kinematics)
+        for run in profile.split_at_stops(chain.segments, machine, kinematics)
     ]
 
 
 def at(course: FeedCourse, override: float, rapid_override: float = 1.0) -> FeedCourse:
-    return FeedCourse(course.stretches, course.machine, course.kinematics, override, rapid_override)
+    return FeedCourse(course.segments, course.machine, course.kinematics, override, rapid_override)
 
 
 def used(course: FeedCourse, planned: Profile, n: int = 3000) -> list[float]:
@@ -434,8 +436,8 @@ def test_where_the_jerk_steps_inside_of_an_interval_it_is_kept_on_both_sides() -
     upper, lower = (Written(6, knots, points) for points in curves)
     source = T2.format(side="G42 P1 R5.", cuts=nurbs(upper, lower, " F278.19"))
     machine = drawn(91000)
-    (cut,) = [chain for chain in chains(source, machine) if any(s.cutting for s in chain.stretches)]
-    joints, _ = sampled(cut.stretches, laws_of(cut.stretches, machine), machine)
+    (cut,) = [chain for chain in chains(source, machine) if any(s.cutting for s in chain.segments)]
+    joints, _ = sampled(cut.segments, laws_of(cut.segments, machine), machine)
     first, second, third = largest(joints, machine)
     assert first <= 1.0005 and second <= 1.002 and third <= 1.02
 
@@ -472,10 +474,10 @@ def test_a_jump_of_rates_that_would_be_passed_within_a_tick_of_standstill_is_a_s
     (cut,) = [
         c
         for c in chains("G21 G90 G54\nT1 M6\nS12000 M3\n" + PIVOT, machine)
-        if any(s.cutting for s in c.stretches)
+        if any(s.cutting for s in c.segments)
     ]
-    assert "pivot" in [stretch.name for stretch in cut.stretches]
-    joints, _ = sampled(cut.stretches, laws_of(cut.stretches, machine), machine)
+    assert "pivot" in [segment.name for segment in cut.segments]
+    joints, _ = sampled(cut.segments, laws_of(cut.segments, machine), machine)
     assert largest(joints, machine)[2] <= 1.02
 
 
@@ -488,7 +490,7 @@ def test_a_profile_knows_when_it_is_where() -> None:
         s = share * course.length
         assert planned.at(planned.time_of(s)).s == pytest.approx(s, abs=1e-9)
     pieces = planned.laws(course)
-    assert [k for k, _ in pieces] == list(range(len(course.stretches)))
+    assert [k for k, _ in pieces] == list(range(len(course.segments)))
     assert sum(law.duration_s for _, law in pieces) == pytest.approx(planned.duration_s)
 
 

@@ -42,7 +42,7 @@ def test_running_through_short_lines_is_quicker_than_a_rest_at_each_of_their_cor
     source, _ = cam_programs.text(made, 2000.0, True, "G61", decimals=decimals)
     looked = 0
     for chain in chains(source, machine):
-        lines = [s for s in chain.stretches if isinstance(s.motion, ToolLine)]
+        lines = [s for s in chain.segments if isinstance(s.motion, ToolLine)]
         if not lines:
             continue
         laws = laws_of(lines, machine)
@@ -64,7 +64,7 @@ def test_derivatives_of_lines_together_are_those_of_each(name: str, vectors: boo
     machine = shipped(name, tool_lines="great_circle" if vectors else "joints")
     kinematics = kinematics_of(machine)
     source, _ = cam_programs.text(cam_programs.bowl(1, 2.0), 2000.0, vectors, "G61")
-    found = [s for chain in chains(source, machine) for s in chain.stretches]
+    found = [s for chain in chains(source, machine) for s in chain.segments]
     lines = [s for s in found if isinstance(s.motion, ToolLine) and rates.kind(s, kinematics) is not None]
     assert len(lines) >= 10
     of = np.repeat(np.arange(len(lines)), 5)
@@ -85,7 +85,7 @@ def test_a_window_of_short_lines_is_as_long_as_any_other() -> None:
     units = []
     while (sent := windows.from_rest(track, place, 0.0, Orders())) is not None and len(units) < 6:
         place, longest = sent.after, max(longest, sent.end_s)
-        rows = (one.motion for one in sent.stretches.values() if isinstance(one.motion, ToolSpline))
+        rows = (one.motion for one in sent.segments.values() if isinstance(one.motion, ToolSpline))
         units.append(sum(len(row.lines) for row in rows))
     assert longest < 2.0 * WINDOW_S
     assert max(units) > 100

@@ -15,7 +15,7 @@ from controller.motion.motions import SurfaceCut
 from controller.plan.feed import profile, tool_limits
 from controller.plan.feed.course import FeedCourse
 from controller.plan.feed.search import Search
-from controller.plan.path.path import Chain
+from controller.plan.segment import ContinuousPath
 
 
 def courses(machine: Machine) -> list[FeedCourse]:
@@ -27,8 +27,8 @@ def courses(machine: Machine) -> list[FeedCourse]:
     return [
         FeedCourse(run, machine, kinematics)
         for chain in items
-        if isinstance(chain, Chain)
-        for run in profile.split_at_stops(chain.stretches, machine, kinematics)
+        if isinstance(chain, ContinuousPath)
+        for run in profile.split_at_stops(chain.segments, machine, kinematics)
         if run[0].feed_mm_s is not None
     ]
 
@@ -36,7 +36,7 @@ def courses(machine: Machine) -> list[FeedCourse]:
 def test_the_tools_rates_are_those_of_the_pose() -> None:
     """Differences of the exact pose along the second surface agree with the series."""
     course = courses(shipped())[3]
-    cut = course.stretches[0].motion
+    cut = course.segments[0].motion
     assert isinstance(cut, SurfaceCut)
     s, h = np.linspace(2.0, 30.0, 15), 1e-3
     found = tool_limits.rates(course, s, course.index(s))
@@ -80,8 +80,8 @@ def test_a_straight_line_needs_no_search_under_a_limit_of_the_tip() -> None:
     home, kinematics = tuple(axis.homing.position for axis in machine.axes), kinematics_of(machine)
     for way in ("X0.3 Y0.1", "X9 Y-7 Z-3", "X0.004"):
         items = trace(f"G91 G1 {way} F3000\n", machine, home).items  # type: ignore[arg-type]
-        (chain,) = (item for item in items if isinstance(item, Chain))
-        course = FeedCourse(chain.stretches, machine, kinematics)
+        (chain,) = (item for item in items if isinstance(item, ContinuousPath))
+        course = FeedCourse(chain.segments, machine, kinematics)
         planned, searched = profile.plan(course), Search(course, 0.0, 0.0, 0.0, course.length).law()
         assert planned is not None and searched is not None and len(planned.pieces) <= 7
         assert planned.duration_s <= searched[0][-1] + 1e-9

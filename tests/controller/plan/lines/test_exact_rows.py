@@ -9,13 +9,13 @@ from __future__ import annotations
 import itertools
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from support.machines import traced_programs
 from support.machines.planned_laws import chains, laws_of, sampled
 from support.machines.stepped_runs import SHIPPED, cut, largest, shipped
 from support.parts import cam_lines, cam_programs
 
+from controller.geometry.arrays import Array
 from controller.machine.kinematics import Kinematics, kinematics_of
 from controller.machine.model import Machine
 from controller.motion.motions import ToolLine, ToolSpline
@@ -23,14 +23,12 @@ from controller.plan.feed import ticked
 from controller.plan.feed.course import FeedCourse
 from controller.plan.lines import exact_rows
 from controller.plan.path import path
-from controller.plan.path.path import Chain
-from controller.plan.stretch import Stretch
+from controller.plan.rotaries.branch import joints_along
+from controller.plan.segment import ContinuousPath, Segment
 from controller.program import blocks
 from controller.program.program import ProgramError
 from controller.runtime.events import Event
 from controller.state.modes import Request
-
-Array = npt.NDArray[np.float64]
 
 OVER = 1.0005  # of a limit
 HOW = ("great_circle", "joints")
@@ -53,37 +51,37 @@ def random_lines(seed: int, vectors: bool) -> str:
     return "\n".join(rows) + "\n"
 
 
-def alone(monkeypatch: pytest.MonkeyPatch, source: str, machine: Machine) -> list[Chain]:
+def alone(monkeypatch: pytest.MonkeyPatch, source: str, machine: Machine) -> list[ContinuousPath]:
     """The same program with every line a motion of its own."""
     with monkeypatch.context() as patched:
         patched.setattr(exact_rows, "MIN_LINES", 10**9)
         return chains(source, machine)
 
 
-def lines_of(found: list[Chain], kinematics: Kinematics) -> list[tuple[int, float, Array]]:
+def lines_of(found: list[ContinuousPath], kinematics: Kinematics) -> list[tuple[int, float, Array]]:
     """(program line, tip's feed in its middle, joints at shares of it) of every feed line, in order."""
     told = []
     shares = np.array([0.0, 0.3, 0.5, 0.8, 1.0])
-    for stretch in (one for chain in found for one in chain.stretches if one.feed_mm_s is not None):
-        motion = stretch.motion
+    for segment in (one for chain in found for one in chain.segments if one.feed_mm_s is not None):
+        motion = segment.motion
         starts = [*motion.lines_s, motion.end] if isinstance(motion, ToolSpline) else [0.0, motion.end]
-        numbers = list(motion.lines) if isinstance(motion, ToolSpline) else [stretch.place.line]
+        numbers = list(motion.lines) if isinstance(motion, ToolSpline) else [segment.place.line]
         for number, low, high in zip(numbers, starts[:-1], starts[1:], strict=True):
             s = low + (high - low) * shares
             middle = np.array([0.5 * (low + high)])
-            feed = float(stretch.feed_at(middle)[0] * stretch.tip_rate(middle)[0])
-            told.append((number, feed, path.joints_along(stretch, s, kinematics)))
+            feed = float(segment.feed_at(middle)[0] * segment.tip_rate(middle)[0])
+            told.append((number, feed, joints_along(segment, s, kinematics)))
     return told
 
 
-def rests(found: list[Chain]) -> list[int]:
+def rests(found: list[ContinuousPath]) -> list[int]:
     """The lines behind which the machine rests."""
-    ended = [chain.stretches[-1] for chain in found if not chain.runs_on]
+    ended = [chain.segments[-1] for chain in found if not chain.runs_on]
     return [one.motion.lines[-1] if isinstance(one.motion, ToolSpline) else one.place.line for one in ended]
 
 
-def rows_of(found: list[Chain]) -> list[Stretch]:
-    return [one for chain in found for one in chain.stretches if isinstance(one.motion, ToolSpline)]
+def rows_of(found: list[ContinuousPath]) -> list[Segment]:
+    return [one for chain in found for one in chain.segments if isinstance(one.motion, ToolSpline)]
 
 
 @pytest.mark.parametrize(
@@ -121,8 +119,8 @@ def test_no_joint_is_over_a_limit_in_any_tick(name: str, step_mm: float, decimal
         if not rows_of([chain]):
             continue
         for override in (1.0, 0.37):
-            laws = laws_of(chain.stretches, machine, override)
-            assert max(largest(sampled(chain.stretches, laws, machine)[0], machine)) <= OVER
+            laws = laws_of(chain.segments, machine, override)
+            assert max(largest(sampled(chain.segments, laws, machine)[0], machine)) <= OVER
         looked += sum(len(one.motion.lines) for one in rows_of([chain]))
     assert looked >= 20
 
@@ -144,8 +142,8 @@ def test_a_plunge_of_so_many_ticks_before_a_row_is_looked_at_and_done(
         above = f"Z{down_mm + 0.1887:.4f}"
         source = dense(1, 0.1, 4).replace("Z0.1887", above, 1).replace(" F2000", "")
         source = source.replace("G1 ", f"G1 Z0.1887 F{feed}\nG1 ", 1)
-        plunge = next(one for one in chains(source, machine) if one.stretches[0].place.line == 7)
-        assert rows_of([plunge]) and laws_of(plunge.stretches, machine)
+        plunge = next(one for one in chains(source, machine) if one.segments[0].place.line == 7)
+        assert rows_of([plunge]) and laws_of(plunge.segments, machine)
 
 
 @pytest.mark.parametrize(("step_mm", "decimals"), [(0.02, 4), (0.05, 4), (0.1, 4), (0.02, 5)])
@@ -160,11 +158,11 @@ def test_a_row_takes_no_longer_than_its_lines_within_the_same_limits(
     assert took[0] <= 1.05 * took[1]
 
 
-def _takes_s(found: list[Chain], machine: Machine) -> float:
+def _takes_s(found: list[ContinuousPath], machine: Machine) -> float:
     whole = 0.0
     for chain in found:
-        laws = laws_of(chain.stretches, machine)
-        _, _, jerk = largest(sampled(chain.stretches, laws, machine)[0], machine)
+        laws = laws_of(chain.segments, machine)
+        _, _, jerk = largest(sampled(chain.segments, laws, machine)[0], machine)
         whole += sum(law.duration_s for law in laws) * max(jerk, 1.0)
     return whole
 
@@ -199,8 +197,8 @@ def test_a_line_that_is_refused_is_told_as_ever_and_what_is_before_it_is_there(
         with pytest.raises(ProgramError) as error:
             for item in path.stream(made, "part.ngc", machine, kinematics, traced_programs.HOME):
                 given.append(item)
-        last = [item for item in given if isinstance(item, Chain)][-1].stretches[-1]
-        told.append((error.value.line, error.value.sentence, rests([Chain((last,))])))
+        last = [item for item in given if isinstance(item, ContinuousPath)][-1].segments[-1]
+        told.append((error.value.line, error.value.sentence, rests([ContinuousPath((last,))])))
     assert told[0] == told[1]
 
 
@@ -209,7 +207,7 @@ def test_few_or_long_lines_are_no_rows() -> None:
     long = "".join(f"X{0.5 * k:.4f} A{10 + 0.02 * k:.4f}\n" for k in range(1, 100))
     for rows in (few, long):
         traced = traced_programs.trace("G55 G61 G43.4 G0 X0 Y0 Z0 A10 C0\nG1 F600\n" + rows)
-        motions = [type(one.motion) for one in traced_programs.stretches(traced) if one.feed_mm_s is not None]
+        motions = [type(one.motion) for one in traced_programs.segments(traced) if one.feed_mm_s is not None]
         assert motions and set(motions) == {ToolLine}
 
 
@@ -220,11 +218,11 @@ def test_a_row_and_a_line_that_is_none_meet_at_rest(count: int) -> None:
     long = f"X{0.02 * count + 1.0:.4f} A{30 + 0.002 * count:.4f}"
     more = [f"X{0.02 * k + 1.0:.4f} A{30 + 0.002 * k:.4f}" for k in range(count + 1, 2 * count)]
     text = "G55 G61 G43.4 G0 X0 Y0 Z0 A10 C0\nG1 F600\n" + "\n".join([*rows, long, *more]) + "\n"
-    found = [item for item in traced_programs.trace(text).items if isinstance(item, Chain)][1:]
-    kinds = [one.is_exact_row for chain in found for one in chain.stretches]
+    found = [item for item in traced_programs.trace(text).items if isinstance(item, ContinuousPath)][1:]
+    kinds = [one.is_exact_row for chain in found for one in chain.segments]
     assert True in kinds and False in kinds
     for before, after in itertools.pairwise(found):
-        if before.stretches[-1].is_exact_row is not after.stretches[0].is_exact_row:
+        if before.segments[-1].is_exact_row is not after.segments[0].is_exact_row:
             assert not before.runs_on
 
 
@@ -233,7 +231,7 @@ def test_a_row_behind_another_goes_on_without_a_rest() -> None:
     count = 3 * exact_rows.FIRST
     rows = "".join(f"X{0.02 * k:.4f} A{10 + 0.002 * k:.4f}\n" for k in range(1, count))
     traced = traced_programs.trace("G55 G61 G43.4 G0 X0 Y0 Z0 A10 C0\nG1 F600\n" + rows)
-    found = [item for item in traced.items if isinstance(item, Chain)][1:]
+    found = [item for item in traced.items if isinstance(item, ContinuousPath)][1:]
     assert [chain.runs_on for chain in found] == [True] * (len(found) - 1) + [False] and len(found) > 1
     numbers = [n for chain in found for one in rows_of([chain]) for n in one.motion.lines]
     assert numbers == list(range(3, 2 + count))
@@ -243,7 +241,7 @@ def test_the_allowed_speed_is_that_of_differences_of_samples() -> None:
     """A grid's answer beside that of samples taken at just that speed, wherever they begin."""
     machine = shipped()
     row = max(chains(dense(1, 0.02, 4), machine), key=lambda chain: len(rows_of([chain])))
-    course = FeedCourse(row.stretches, machine, kinematics_of(machine))
+    course = FeedCourse(row.segments, machine, kinematics_of(machine))
     seen = ticked.Ticked(course, 0.0, course.length)
     rng = np.random.default_rng(1)
     for k in rng.integers(20, len(seen.allowed) - 20, 60).tolist():

@@ -6,38 +6,37 @@ import itertools
 import math
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from support.machines.shipped_kinds import ROTARIES
-from support.machines.traced_programs import HOME, assert_whole, mill, stretches, trace
+from support.machines.traced_programs import HOME, assert_whole, mill, segments, trace
 
+from controller.geometry.arrays import Array
 from controller.geometry.vectors import angle_between, norm, subtract
 from controller.machine.kinematics import kinematics_of
 from controller.motion.motions import JointMove, ToolLine
 from controller.plan.path import path
-from controller.plan.path.path import Chain, Stretch, joints_along
+from controller.plan.rotaries.branch import joints_along
+from controller.plan.segment import ContinuousPath, Segment
 from controller.plan.surfaces.rates import derivatives
 from controller.program import blocks
 from controller.program.program import ProgramError
-
-Array = npt.NDArray[np.float64]
 
 MILL = mill()
 TWO_NAMES = {name: rows[0][0] + rows[1][0] for name, rows in ROTARIES.items()}
 
 
-def feeds(text: str, kind: str = "fig4a", **changes: object) -> list[Stretch]:
-    """The feed stretches of a program, whole and inside travel."""
+def feeds(text: str, kind: str = "fig4a", **changes: object) -> list[Segment]:
+    """The feed segments of a program, whole and inside travel."""
     built = mill(kind, **changes)
     traced = trace(text, built)
     assert_whole(traced, built)
-    return [s for s in stretches(traced) if s.feed_mm_s is not None]
+    return [s for s in segments(traced) if s.feed_mm_s is not None]
 
 
-def poses(stretch: Stretch, kind: str = "fig4a", count: int = 21) -> tuple[Array, Array]:
-    """Tips and axes in the table frame at even places of a stretch, from its joints."""
+def poses(segment: Segment, kind: str = "fig4a", count: int = 21) -> tuple[Array, Array]:
+    """Tips and axes in the table frame at even places of a segment, from its joints."""
     kinematics = kinematics_of(mill(kind))
-    rows = joints_along(stretch, np.linspace(0.0, stretch.motion.end, count), kinematics)
+    rows = joints_along(segment, np.linspace(0.0, segment.motion.end, count), kinematics)
     tip, axis = kinematics.forward(rows.T, 0.0, np)
     return np.array([c + np.zeros(count) for c in tip]).T, np.array([c + np.zeros(count) for c in axis]).T
 
@@ -65,15 +64,15 @@ def test_under_tool_vectors_the_tip_is_straight_and_the_axis_on_the_great_circle
     text = "G55 G43.5 G0 X1 Y2 Z3 I.1 J.2 K1\nG1 X20 Y-5 Z4 I.3 J-.2 K1 F600\nX25 I.35 J-.1 K1\n"
     found = feeds(text, kind)
     ends = [((1, 2, 3), (0.1, 0.2, 1)), ((20, -5, 4), (0.3, -0.2, 1)), ((25, -5, 4), (0.35, -0.1, 1))]
-    for stretch, (first, last) in zip(found, itertools.pairwise(ends), strict=True):
-        tips, axes = poses(stretch, kind)
+    for segment, (first, last) in zip(found, itertools.pairwise(ends), strict=True):
+        tips, axes = poses(segment, kind)
         assert_straight(tips)
         assert_great_circle(axes)
         for k, (tip, axis) in ((0, first), (-1, last)):
             assert norm(subtract(tuple(tips[k]), tip)) < 1e-9
             assert angle_between(tuple(axes[k]), axis) < 1e-9
-        assert stretch.motion.end == pytest.approx(math.dist(first[0], last[0]))
-        assert stretch.feed_mm_s == 10.0
+        assert segment.motion.end == pytest.approx(math.dist(first[0], last[0]))
+        assert segment.feed_mm_s == 10.0
 
 
 @pytest.mark.parametrize("kind", ["fig4a", "table_head", "head_head", "oblique"])
@@ -82,9 +81,9 @@ def test_rotary_words_are_met_on_the_great_circle_or_evenly_as_the_machine_says(
     text = f"G55 G43.4 G0 X0 Y0 Z0 {a}10 {b}5\nG1 X10 {a}30 {b}40 F600\n"
     (great,) = feeds(text, kind)
     (even,) = feeds(text, kind, tool_lines="joints")
-    for stretch in (great, even):
-        assert np.allclose(np.degrees(stretch.end[3:]), (30.0, 40.0))
-        assert_straight(poses(stretch, kind)[0])
+    for segment in (great, even):
+        assert np.allclose(np.degrees(segment.end[3:]), (30.0, 40.0))
+        assert_straight(poses(segment, kind)[0])
     assert_great_circle(poses(great, kind)[1])
     rows = joints_along(even, np.linspace(0.0, even.motion.end, 11), kinematics_of(mill(kind)))
     assert np.abs(np.diff(rows[:, 3:], 2, axis=0)).max() < 1e-12
@@ -134,7 +133,7 @@ def test_distances_move_tip_and_rotaries_on() -> None:
 
 def test_a_rapid_takes_the_tip_there_by_a_line_of_the_joints() -> None:
     traced = trace("G55 G43.4 G0 X1 Y2 Z3 A10 C20\nG53 G0 Z200\nG0 X1 Y2 Z3\n", MILL)
-    moves = stretches(traced)
+    moves = segments(traced)
     assert all(isinstance(s.motion, JointMove) and s.feed_mm_s is None for s in moves)
     assert moves[0].end == pytest.approx(moves[2].end) and moves[1].end[2] == 200.0
 
@@ -145,7 +144,7 @@ def test_the_tool_length_is_that_of_the_tool_named() -> None:
     )
     built = mill(tools=tools)
     for words, length in (("G43.4", 40.0), ("G43.4 H2", 80.0), ("G43.4 H0", 0.0)):
-        (move,) = stretches(trace(f"G55 {words} G0 X1 Y2 Z3 A10 C20\n", built))
+        (move,) = segments(trace(f"G55 {words} G0 X1 Y2 Z3 A10 C20\n", built))
         tip = kinematics_of(built).forward(move.end, length).tip
         assert norm(subtract(tip, (1.0, 2.0, 3.0))) < 1e-9
 
@@ -160,7 +159,7 @@ def test_a_line_through_the_pole_goes_on_without_a_turn() -> None:
 
 def test_a_line_beside_the_pole_turns_about_it() -> None:
     traced = trace("G55 G43.5 G0 X0 Y0 Z0 I-.2 J-.1 K1\nG1 X10 I.2 J.1001 K1 F600\n", MILL)
-    line = stretches(traced)[-1]
+    line = segments(traced)[-1]
     assert abs(line.start[4] - line.end[4]) > 3.0
 
 
@@ -183,7 +182,7 @@ def test_the_branch_is_the_one_on_which_the_lines_to_come_stay_inside_the_travel
     )
     built = mill(axes=tuple(axes))
     text = "G55 G43.5 G0 X0 Y0 Z0 I0 J.1 K1\nG1 X10 I0 J1 K1 F600\n"
-    ends = [stretches(trace(text, on))[-1].end[3] for on in (built, narrow)]
+    ends = [segments(trace(text, on))[-1].end[3] for on in (built, narrow)]
     assert ends[0] == pytest.approx(math.pi / 4) and abs(ends[1]) == pytest.approx(math.pi / 4)
 
 
@@ -195,8 +194,8 @@ def test_a_choice_from_outside_is_taken() -> None:
         made = blocks.stream(text, MILL, "part.ngc")
         items = list(path.stream(made, "part.ngc", MILL, kinematics, HOME, {1: wanted}))
         first = items[0]
-        assert isinstance(first, Chain)
-        assert first.stretches[0].end[3:] == pytest.approx(wanted)
+        assert isinstance(first, ContinuousPath)
+        assert first.segments[0].end[3:] == pytest.approx(wanted)
 
 
 # ---- running through and refusals ----------------------------------------------------
@@ -204,17 +203,17 @@ def test_a_choice_from_outside_is_taken() -> None:
 
 def test_exact_lines_run_through_slight_corners_and_stop_at_others() -> None:
     text = "G55 G61 G43.4 G0 X0 Y0 Z0 A10 C0\nG1 X1 A10.1 F600\nX2 Y0.002 A10.2\nX3 Y1\n"
-    chains = [item for item in trace(text).items if isinstance(item, Chain)]
-    assert [len(chain.stretches) for chain in chains] == [1, 2, 1]
+    chains = [item for item in trace(text).items if isinstance(item, ContinuousPath)]
+    assert [len(chain.segments) for chain in chains] == [1, 2, 1]
 
 
 def test_an_endless_row_of_exact_lines_comes_in_parts() -> None:
     rows = "".join(f"X{0.3 * k:.4f} A{10 + 0.03 * k:.4f}\n" for k in range(1, 200))
     traced = trace("G55 G61 G43.4 G0 X0 Y0 Z0 A10 C0\nG1 F600\n" + rows)
-    chains = [item for item in traced.items if isinstance(item, Chain)][1:]
-    assert sum(len(chain.stretches) for chain in chains) == 199
+    chains = [item for item in traced.items if isinstance(item, ContinuousPath)][1:]
+    assert sum(len(chain.segments) for chain in chains) == 199
     assert [chain.runs_on for chain in chains] == [True] * (len(chains) - 1) + [False]
-    assert max(len(chain.stretches) for chain in chains) < 100
+    assert max(len(chain.segments) for chain in chains) < 100
 
 
 @pytest.mark.parametrize(

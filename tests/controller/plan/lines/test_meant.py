@@ -6,11 +6,11 @@ import itertools
 from collections.abc import Iterator
 
 import numpy as np
-import numpy.typing as npt
 import pytest
-from support.machines.traced_programs import HOME, assert_whole, mill, sentences, stretches, trace
+from support.machines.traced_programs import HOME, assert_whole, mill, segments, sentences, trace
 from support.parts import cam_lines
 
+from controller.geometry.arrays import Array
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
 from controller.motion.motions import JointMove, ToolLine, ToolSpline
@@ -19,12 +19,11 @@ from controller.plan.lines import meant
 from controller.plan.lines.meant import Waiting
 from controller.plan.look_ahead import Orders, TrackPlace, Windows
 from controller.plan.path import path
-from controller.plan.path.path import Chain, Path, joints_along
+from controller.plan.rotaries.branch import joints_along
+from controller.plan.segment import ContinuousPath, Path
 from controller.plan.track import Track
 from controller.program import blocks
 from controller.program.program import ProgramError
-
-Array = npt.NDArray[np.float64]
 
 MILL = mill()
 KINEMATICS = kinematics_of(MILL)
@@ -32,17 +31,17 @@ KINDS = ("fig4a", "fig4b", "fig4c", "fig4d", "table_head", "head_head", "oblique
 
 
 def kinds(traced: Path) -> list[type]:
-    return [type(stretch.motion) for stretch in stretches(traced)]
+    return [type(segment.motion) for segment in segments(traced)]
 
 
 def way(traced: Path, built: Machine, vectors: bool) -> Array:
     """Tips (or X Y Z of the machine) along the splines of a path, some places of each span."""
     kinematics, found = kinematics_of(built), []
-    for stretch in stretches(traced):
-        if isinstance(stretch.motion, ToolSpline):
-            knots = np.array(stretch.motion.knots)
+    for segment in segments(traced):
+        if isinstance(segment.motion, ToolSpline):
+            knots = np.array(segment.motion.knots)
             s = np.unique(knots[:-1, None] + np.diff(knots)[:, None] * np.linspace(0.0, 1.0, 6))
-            joints = joints_along(stretch, s, kinematics)
+            joints = joints_along(segment, s, kinematics)
             found.append(np.array(kinematics.forward(joints.T, 0.0, np).tip).T if vectors else joints[:, :3])
     return np.concatenate(found)
 
@@ -93,9 +92,9 @@ def test_a_corner_that_is_meant_is_a_rest_on_the_corner() -> None:
     text = "G55\nG0 X0 Y0 Z0\nG1 F600\n" + "".join(f"X{x:.5f} Y{y:.5f}\n" for x, y in bows)
     traced = trace(text, MILL)
     assert_whole(traced, MILL)
-    chains = [item for item in traced.items if isinstance(item, Chain)][1:]
-    assert [kind for c in chains for kind in {type(s.motion) for s in c.stretches}] == [ToolSpline] * 2
-    assert chains[0].stretches[-1].end[:2] == pytest.approx((4.0, 0.0), abs=1e-9)
+    chains = [item for item in traced.items if isinstance(item, ContinuousPath)][1:]
+    assert [kind for c in chains for kind in {type(s.motion) for s in c.segments}] == [ToolSpline] * 2
+    assert chains[0].segments[-1].end[:2] == pytest.approx((4.0, 0.0), abs=1e-9)
     assert not chains[0].runs_on
     assert "Lines run through from here on" in sentences(traced)
 
@@ -103,18 +102,18 @@ def test_a_corner_that_is_meant_is_a_rest_on_the_corner() -> None:
 @pytest.mark.parametrize("words", ["G61", "G64\nG61", "G64 P0.1\nG61.1"])
 def test_under_g61_every_line_is_exact(words: str) -> None:
     at = dense(0.02, 4, seed=1)[:60]
-    assert all(one.exact for one in stretches(trace(by_vectors(at, words), MILL)))
+    assert all(one.exact for one in segments(trace(by_vectors(at, words), MILL)))
 
 
 def test_without_a_tolerance_every_line_is_exact() -> None:
     at = dense(0.02, 4, seed=1)[:60]
-    assert all(one.exact for one in stretches(trace(by_vectors(at), mill(joint_tolerance_mm=0.0))))
+    assert all(one.exact for one in segments(trace(by_vectors(at), mill(joint_tolerance_mm=0.0))))
 
 
 def test_g64_without_p_has_the_machines_tolerance() -> None:
     at = dense(0.02, 4, seed=1)
     with_it, without = (trace(by_vectors(at, head), MILL) for head in ("G64", ""))
-    ends = [np.array([s.end for s in stretches(each)]) for each in (with_it, without)]
+    ends = [np.array([s.end for s in segments(each)]) for each in (with_it, without)]
     assert ToolSpline in kinds(with_it) and np.array_equal(*ends)
     assert "G64 without P blends" in sentences(with_it)
 
@@ -127,7 +126,7 @@ def test_lines_that_go_on_in_one_direction_stay_lines() -> None:
 def test_rotaries_that_go_on_alike_under_standing_axes_stay_lines() -> None:
     traced = trace("G55\nG0 X0 Y0 Z0 A0 C0\nG1 A10 C5 F600\nA20 C10\nA30 C15\n", MILL)
     assert kinds(traced) == [JointMove] * 4
-    assert [len(item.stretches) for item in traced.items if isinstance(item, Chain)] == [1, 3]
+    assert [len(item.segments) for item in traced.items if isinstance(item, ContinuousPath)] == [1, 3]
 
 
 def test_many_small_turns_of_a_standing_tip_are_a_row() -> None:
@@ -171,7 +170,7 @@ def test_what_is_sound_comes_before_a_line_that_is_refused() -> None:
     with pytest.raises(ProgramError, match="travel"):
         for item in made:
             found.append(item)
-    ends = [item.stretches[-1].motion for item in found if isinstance(item, Chain)]
+    ends = [item.segments[-1].motion for item in found if isinstance(item, ContinuousPath)]
     assert isinstance(ends[-1], ToolSpline) and ends[-1].lines[-1] == 53
 
 
@@ -234,7 +233,7 @@ def planned_places(count: int, monkeypatch: pytest.MonkeyPatch) -> tuple[int, in
     with monkeypatch.context() as patched:
         patched.setattr(FeedCourse, "derivatives", counted)
         while (sent := windows.from_rest(track, place, start_s, Orders())) is not None:
-            place, start_s, longest = sent.after, sent.end_s, max(longest, len(sent.stretches))
+            place, start_s, longest = sent.after, sent.end_s, max(longest, len(sent.segments))
             track.forget(place.unit)
     return asked, longest
 

@@ -8,12 +8,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.machines.traced_programs import assert_whole, mill, named, stretches, trace
+from support.machines.traced_programs import assert_whole, mill, named, segments, trace
 
 from controller.geometry.vectors import Frame
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Joints
-from controller.plan.path.path import Stretch, joints_along
+from controller.plan.rotaries.branch import joints_along
+from controller.plan.segment import Segment
 from controller.program.program import ProgramError
 
 START: Joints = (0.0, 0.0, 0.0, 0.0, 0.0)
@@ -22,14 +23,14 @@ TURNING = mill(axes=tuple(replace(axis, travel_min=-9e3, travel_max=9e3) for axi
 KINEMATICS = kinematics_of(MILL)
 
 
-def only(text: str) -> Stretch:
-    """The stretch of a program of one move, in G55 (no offset) unless it says G54."""
-    (stretch,) = stretches(trace(text if "G54" in text else "G55 " + text, MILL, START))
-    return stretch
+def only(text: str) -> Segment:
+    """The segment of a program of one move, in G55 (no offset) unless it says G54."""
+    (segment,) = segments(trace(text if "G54" in text else "G55 " + text, MILL, START))
+    return segment
 
 
-def at(stretch: Stretch, share: float) -> tuple[float, float, float]:
-    x, y, z, *_ = joints_along(stretch, np.array([stretch.motion.end * share]), KINEMATICS)[0]
+def at(segment: Segment, share: float) -> tuple[float, float, float]:
+    x, y, z, *_ = joints_along(segment, np.array([segment.motion.end * share]), KINEMATICS)[0]
     return float(x), float(y), float(z)
 
 
@@ -52,22 +53,22 @@ def test_targets_are_program_values_plus_offset(text: str, end: Joints) -> None:
 def test_g43_adds_the_tool_length_to_z_words_only() -> None:
     built = replace(MILL, tools=(replace(MILL.tools[0], length_mm=40.0),))
     traced = trace("G55 G43 G0 X5.\nZ10.\n", built, START)
-    assert [s.end[:3] for s in stretches(traced)] == [(5.0, 0.0, 0.0), (5.0, 0.0, 50.0)]
+    assert [s.end[:3] for s in segments(traced)] == [(5.0, 0.0, 0.0), (5.0, 0.0, 50.0)]
 
 
 def test_in_a_turned_offset_words_run_along_its_axes() -> None:
     turned = Frame((10.0, 0.0, 0.0), (0.0, 1.0, 0.0), (-1.0, 0.0, 0.0))
     built = replace(MILL, offsets=(turned, *MILL.offsets[1:]))
     traced = trace("G0 X5. Y0.\nG91 G1 X1. F60.\nG90 G3 X0. Y6. I-6. F60.\n", built, START)
-    ends = [s.end[:3] for s in stretches(traced)]
+    ends = [s.end[:3] for s in segments(traced)]
     assert np.allclose(ends, [(10, 5, 0), (10, 6, 0), (4, 0, 0)])
     assert_whole(traced, built, START)
 
 
 def test_feed_and_length_are_degrees_where_only_rotaries_move() -> None:
-    stretch = only("G1 C90. F360.")
-    assert stretch.motion.end == pytest.approx(90.0)
-    assert stretch.feed_mm_s == pytest.approx(6.0)
+    segment = only("G1 C90. F360.")
+    assert segment.motion.end == pytest.approx(90.0)
+    assert segment.feed_mm_s == pytest.approx(6.0)
 
 
 @pytest.mark.parametrize("before", ["", "G91 ", "G43 H1 ", "G43.4 H0 "])
@@ -80,7 +81,7 @@ def test_f_is_degrees_a_minute_wherever_no_more_than_rotaries_move(
     if before == "G91 ":
         words = " ".join(f"{word[0]}0" if word[0] in "XYZ" else word for word in words.split())
     text = f"{unit} G94 G55 {before.replace('G91', 'G90')}G0 X1 Y2 Z3\n{before}G1 {words} F10"
-    turn = stretches(trace(text, TURNING, START))[-1]
+    turn = segments(trace(text, TURNING, START))[-1]
     seconds = turn.motion.end / float(turn.feed_at(np.array([0.5 * turn.motion.end]))[0])
     assert seconds == pytest.approx(540.0, rel=1e-6)
 
@@ -88,13 +89,13 @@ def test_f_is_degrees_a_minute_wherever_no_more_than_rotaries_move(
 @pytest.mark.parametrize(("unit", "mm"), [("G20", 25.4), ("G21", 1.0)])
 def test_f_is_of_lengths_wherever_a_length_moves_beside_rotaries(unit: str, mm: float) -> None:
     text = f"{unit} G94 G55 G0 X1 Y2 Z3\nG1 X1.5 A90 F10"
-    both = stretches(trace(text, TURNING, START))[-1]
+    both = segments(trace(text, TURNING, START))[-1]
     assert both.motion.end == pytest.approx(0.5 * mm)
     assert both.feed_mm_s == pytest.approx(10.0 * mm / 60.0)
 
 
 def test_moves_to_where_the_axes_are_are_left_out() -> None:
-    assert not stretches(trace("G55 G1 X0. F100.\nG0 Y0.\n", MILL, START))
+    assert not segments(trace("G55 G1 X0. F100.\nG0 Y0.\n", MILL, START))
 
 
 @pytest.mark.parametrize(
@@ -119,12 +120,12 @@ def test_moves_to_where_the_axes_are_are_left_out() -> None:
 def test_arcs_pass_their_middle_and_have_their_length(
     text: str, middle: tuple[float, float, float], length: float
 ) -> None:
-    stretch = only(text)
+    segment = only(text)
     if "R-10" not in text:
-        assert at(stretch, 0.5) == pytest.approx(middle, abs=1e-9)
-    assert stretch.motion.end == pytest.approx(length)
-    assert at(stretch, 0.0) == pytest.approx(stretch.start[:3], abs=1e-9)
-    assert at(stretch, 1.0) == pytest.approx(stretch.end[:3], abs=1e-9)
+        assert at(segment, 0.5) == pytest.approx(middle, abs=1e-9)
+    assert segment.motion.end == pytest.approx(length)
+    assert at(segment, 0.0) == pytest.approx(segment.start[:3], abs=1e-9)
+    assert at(segment, 1.0) == pytest.approx(segment.end[:3], abs=1e-9)
 
 
 def test_r_form_takes_the_short_way_and_with_a_minus_the_long_way() -> None:
@@ -144,8 +145,8 @@ def test_r_form_takes_the_short_way_and_with_a_minus_the_long_way() -> None:
 
 
 def test_rounded_centre_words_still_end_exactly_on_the_end_point() -> None:
-    stretch = only("G3 X7.071 Y2.929 J10. F100.")
-    assert at(stretch, 1.0) == pytest.approx((7.071, 2.929, 0.0), abs=1e-9)
+    segment = only("G3 X7.071 Y2.929 J10. F100.")
+    assert at(segment, 1.0) == pytest.approx((7.071, 2.929, 0.0), abs=1e-9)
 
 
 @pytest.mark.parametrize(("radius", "most"), [(0.1, 0.0282), (20.0, 0.0282), (40.0, 0.0399), (80.0, 0.0499)])
@@ -156,10 +157,10 @@ def test_an_arc_whose_ends_differ_a_little_stays_near_its_circle_and_ends_on_its
 ) -> None:
     """0.0283 mm, or 0.1 % of the radius up to 0.05 mm: LinuxCNC's allowance, and the default of the key."""
 
-    def ended(off: float) -> tuple[float, float, Stretch]:
+    def ended(off: float) -> tuple[float, float, Segment]:
         angle, last = math.radians(degrees), radius + sign * off
         x, y = last * math.cos(angle) - radius, last * math.sin(angle)
-        (arc,) = stretches(trace(f"G55 G3 X{x:.9f} Y{y:.9f} I{-radius} F100.", TURNING, START))
+        (arc,) = segments(trace(f"G55 G3 X{x:.9f} Y{y:.9f} I{-radius} F100.", TURNING, START))
         return x, y, arc
 
     x, y, arc = ended(most)
@@ -181,13 +182,13 @@ def test_the_machine_file_says_how_far_the_ends_of_an_arc_may_differ() -> None:
         trace(text, TURNING, START)
     with pytest.raises(ProgramError, match=r"they may differ by 0.0200 mm"):
         trace(text, strict, START)
-    assert stretches(trace("G55 G3 X-400. Y0. I-199.91 F100.\n", wide, START))
+    assert segments(trace("G55 G3 X-400. Y0. I-199.91 F100.\n", wide, START))
 
 
 def test_turns_that_nearly_close_stay_about_their_centre() -> None:
     """A centre moved between ends 0.02 mm apart would be half a radius off."""
     traced = trace("G55 G3 X-0.02 Y0.0001 I-50. P3 F100.\n", TURNING, START)
-    (arc,) = stretches(traced)
+    (arc,) = segments(traced)
     joints = joints_along(arc, np.linspace(0.0, arc.motion.end, 401), KINEMATICS)
     assert np.abs(np.hypot(joints[:, 0] + 50.0, joints[:, 1]) - 50.0).max() < 0.021
     assert arc.motion.end == pytest.approx(2.0 * 2.0 * math.pi * 50.0, rel=1e-3)

@@ -9,30 +9,28 @@ import tracemalloc
 from collections.abc import Iterator
 
 import numpy as np
-import numpy.typing as npt
 import pytest
-from support.machines.traced_programs import HOME, assert_whole, mill, sentences, stretches, trace
+from support.machines.traced_programs import HOME, assert_whole, mill, segments, sentences, trace
 from support.parts import cam_lines
 
+from controller.geometry.arrays import Array
 from controller.geometry.vectors import Frame
 from controller.machine.kinematics import kinematics_of
 from controller.motion.motions import ROW, JointMove, ToolLine, ToolSpline
 from controller.plan.lines import rows
 from controller.plan.path import path
-from controller.plan.path.path import Chain, Path, Stretch, joints_along
-from controller.plan.stretch import tip_rate
+from controller.plan.rotaries.branch import joints_along
+from controller.plan.segment import ContinuousPath, Path, Segment, tip_rate
 from controller.plan.surfaces.rates import derivatives
 from controller.program import blocks
-
-Array = npt.NDArray[np.float64]
 
 MILL = mill()
 KINEMATICS = kinematics_of(MILL)
 START = "G55 G64 P0.02 G43.4 G0 X0 Y0 Z0 A10 C0\nG1 F600\n"
 
 
-def splines(traced: Path) -> list[Stretch]:
-    return [s for s in stretches(traced) if isinstance(s.motion, ToolSpline)]
+def splines(traced: Path) -> list[Segment]:
+    return [s for s in segments(traced) if isinstance(s.motion, ToolSpline)]
 
 
 def cam(count: int, vectors: bool, **changes: object) -> tuple[Path, Array]:
@@ -42,11 +40,11 @@ def cam(count: int, vectors: bool, **changes: object) -> tuple[Path, Array]:
     return trace(text, mill(**changes)), at
 
 
-def poses(found: list[Stretch], per_mm: float = 30.0) -> tuple[Array, Array]:
+def poses(found: list[Segment], per_mm: float = 30.0) -> tuple[Array, Array]:
     tips, axes = [], []
-    for stretch in found:
-        s = np.linspace(0.0, stretch.motion.end, 2 + int(stretch.motion.end * per_mm))
-        tip, axis = KINEMATICS.forward(joints_along(stretch, s, KINEMATICS).T, 0.0, np)
+    for segment in found:
+        s = np.linspace(0.0, segment.motion.end, 2 + int(segment.motion.end * per_mm))
+        tip, axis = KINEMATICS.forward(joints_along(segment, s, KINEMATICS).T, 0.0, np)
         tips.append(np.array(tip).T)
         axes.append(np.array([c + 0.0 * s for c in axis]).T)
     return np.concatenate(tips), np.concatenate(axes)
@@ -62,7 +60,7 @@ def test_the_tip_stays_within_p_of_the_lines_and_the_axis_near_theirs(vectors: b
     nearest = [int(((at[:, :3] - tip) ** 2).sum(axis=1).argmin()) for tip in tips[cut]]
     half_a_line = 0.02
     assert cam_lines.degrees_between(axes[cut], at[nearest, 3:]).max() <= 0.05 + half_a_line
-    assert not any(chain.runs_on for chain in traced.items[-2:] if isinstance(chain, Chain))
+    assert not any(chain.runs_on for chain in traced.items[-2:] if isinstance(chain, ContinuousPath))
 
 
 def test_a_smooth_row_is_few_spans_and_moves_as_far_as_its_lines() -> None:
@@ -76,7 +74,7 @@ def test_a_smooth_row_is_few_spans_and_moves_as_far_as_its_lines() -> None:
 
 def test_rows_of_any_length_come_in_parts_that_fit_without_a_jump() -> None:
     traced, _ = cam(9000, False)
-    chains = [item for item in traced.items if isinstance(item, Chain)]
+    chains = [item for item in traced.items if isinstance(item, ContinuousPath)]
     assert len(chains) > 4
     assert [c.runs_on for c in chains] == [False] + [True] * (len(chains) - 2) + [False]
     for before, after in itertools.pairwise(splines(traced)):
@@ -94,11 +92,11 @@ def test_both_ways_to_write_an_axis_give_the_same_path() -> None:
 
 def test_every_place_knows_its_program_line() -> None:
     traced, at = cam(1500, False)
-    for stretch in splines(traced):
-        motion = stretch.motion
+    for segment in splines(traced):
+        motion = segment.motion
         assert isinstance(motion, ToolSpline)
         for s in np.linspace(0.01, motion.end - 0.01, 40).tolist():
-            tip = KINEMATICS.forward(joints_along(stretch, np.array([s]), KINEMATICS)[0], 0.0).tip
+            tip = KINEMATICS.forward(joints_along(segment, np.array([s]), KINEMATICS)[0], 0.0).tip
             line = motion.line_at(s)
             if line > 4:  # line 5 goes from at[0] to at[1]
                 near = cam_lines.distance(np.array([tip]), at[line - 5 : line - 3, :3])
@@ -122,14 +120,14 @@ def test_a_part_frame_that_is_turned_turns_tips_and_vectors() -> None:
 def test_the_feed_of_the_tip_is_f_also_where_a_corner_is_cut() -> None:
     traced = trace(START + "X20\nY20\nX0 A14\nY0\n", MILL)
     slowest = []
-    for stretch in splines(traced):
-        s = np.linspace(0.0, stretch.motion.end, 4001)
-        speed = stretch.feed_at(s) * tip_rate(stretch.motion, s)
+    for segment in splines(traced):
+        s = np.linspace(0.0, segment.motion.end, 4001)
+        speed = segment.feed_at(s) * tip_rate(segment.motion, s)
         assert np.allclose(speed, 10.0, rtol=1e-12)
-        tips = np.array(KINEMATICS.forward(joints_along(stretch, s, KINEMATICS).T, 0.0, np).tip).T
+        tips = np.array(KINEMATICS.forward(joints_along(segment, s, KINEMATICS).T, 0.0, np).tip).T
         rate = np.sqrt((np.diff(tips, axis=0) ** 2).sum(axis=1)) / (s[1] - s[0])
         middle = 0.5 * (s[1:] + s[:-1])
-        assert np.allclose(rate, tip_rate(stretch.motion, middle), atol=2e-3)
+        assert np.allclose(rate, tip_rate(segment.motion, middle), atol=2e-3)
         assert rate.max() < 1.2
         slowest.append(rate.min())
     assert min(slowest) < 0.8
@@ -168,9 +166,9 @@ def test_inverse_times_hold_line_by_line() -> None:
 def test_the_axis_turning_at_a_standing_tip_stops_the_row_unless_it_is_little() -> None:
     traced = trace(START + "X10\nA20 C40\nX20\nX21 A20.5\nA20.9\nX30\n", MILL)
     assert_whole(traced, MILL)
-    kinds = [type(s.motion) for s in stretches(traced)]
+    kinds = [type(s.motion) for s in segments(traced)]
     assert kinds == [JointMove, ToolSpline, ToolLine, ToolSpline]
-    turn = stretches(traced)[2]
+    turn = segments(traced)[2]
     tips, _ = poses([turn])
     assert np.ptp(tips, axis=0).max() < 1e-9
 
@@ -192,19 +190,19 @@ def test_at_the_pole_a_row_stops_for_a_turn_of_the_free_rotary() -> None:
     text += "X10 I0 J0 K1\nX20 I.2 J-.15 K1\n"
     traced = trace(text, MILL)
     assert_whole(traced, MILL)
-    assert [s.name for s in stretches(traced)] == ["line", "line", "swivel", "line"]
+    assert [s.name for s in segments(traced)] == ["line", "line", "swivel", "line"]
 
 
 def test_without_p_and_under_g61_lines_stay_exact() -> None:
     for code in ("G61", "G64"):
         traced = trace(START.replace("G64 P0.02", code) + "X10\nY10\n", MILL)
-        assert [type(s.motion) for s in stretches(traced)] == [JointMove, ToolLine, ToolLine]
+        assert [type(s.motion) for s in segments(traced)] == [JointMove, ToolLine, ToolLine]
         assert ("G64 without P blends" in sentences(traced)) == (code == "G64")
 
 
 def test_one_line_alone_stays_exact_under_p() -> None:
     traced = trace(START + "X10 A20\nG0 Z10\nG1 X0\n", MILL)
-    assert [type(s.motion) for s in stretches(traced)] == [JointMove, ToolLine, JointMove, ToolLine]
+    assert [type(s.motion) for s in segments(traced)] == [JointMove, ToolLine, JointMove, ToolLine]
 
 
 def off_segment(points: Array, a: Array, b: Array) -> Array:
@@ -278,12 +276,12 @@ def test_moves_that_lead_nowhere_are_left_out_of_a_row() -> None:
 
 
 def test_joints_on_a_tick_are_those_of_the_plan_and_cost_no_more_on_a_long_motion() -> None:
-    for stretch in splines(cam(1500, True)[0]):
-        motion = stretch.motion
+    for segment in splines(cam(1500, True)[0]):
+        motion = segment.motion
         assert isinstance(motion, ToolSpline)
         assert len(motion.spans) == ROW * (len(motion.knots) - 1) <= ROW * rows.SPANS
         s = np.linspace(0.0, motion.end, 50)
-        found = joints_along(stretch, s, KINEMATICS)
+        found = joints_along(segment, s, KINEMATICS)
         for at, row in zip(s.tolist(), found, strict=True):
             assert motion.joints(at, (9.0, 9.0), KINEMATICS) == pytest.approx(row, abs=1e-11)
         copied = pickle.loads(pickle.dumps(motion))

@@ -5,12 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 
+from controller.geometry.arrays import Array
 from controller.plan.lines.spline_fit import BASE_MM, Polyline, Row, Spans, Tolerance
-
-Array = npt.NDArray[np.float64]
 
 ALLOWED = Tolerance(0.01, math.radians(0.05), None)
 

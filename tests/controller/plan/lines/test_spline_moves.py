@@ -10,8 +10,8 @@ from support.machines.interrupted_runs import ACCELERATION, JERK, VELOCITY, rest
 from support.machines.stepped_runs import Cut, cut, largest, off_the_plan, shipped
 
 from controller.machine.kinematics import kinematics_of
-from controller.plan.path.path import Chain
 from controller.plan.restart.program_position import ENTRY_ID, Spot
+from controller.plan.segment import ContinuousPath
 
 TEXT = """G21 G90 G54 G61 G17
 G0 X0 Y0 Z40
@@ -43,7 +43,7 @@ def test_curves_are_run_on_the_path_within_the_limits_at_the_feed(name: str) -> 
     assert off_the_plan(done, np.arange(0, len(done.joints), 7)) < 1e-6
     velocity, acceleration, jerk = largest(done.joints, done.machine)
     assert velocity < VELOCITY and acceleration < ACCELERATION and jerk < JERK
-    curves = [i for i, s in done.stretches.items() if s.name == "curve"]
+    curves = [i for i, s in done.segments.items() if s.name == "curve"]
     assert len(curves) == 8
     feeds = done.column("feed_mm_s")[np.isin(done.column("motion_id"), curves)]
     assert feeds.max() == pytest.approx(25.0, rel=1e-3)
@@ -83,7 +83,7 @@ def test_the_commanded_speed_of_the_tip_is_the_feed() -> None:
     told = done.column("feed_mm_s")
     ids = done.column("motion_id")
     steady = (np.abs(np.diff(told)) < 1e-9) & (told[1:] > 1.0) & (np.diff(ids) == 0)
-    steady &= np.isin(ids[1:], [i for i, s in done.stretches.items() if s.name == "curve"])
+    steady &= np.isin(ids[1:], [i for i, s in done.segments.items() if s.name == "curve"])
     assert steady.sum() > 100
     assert np.abs(speed[steady] / told[1:][steady] - 1.0).max() < 1e-4
 
@@ -94,11 +94,13 @@ def test_a_fraction_of_a_curve_is_that_share_of_its_length(line: int, fraction: 
     rest = rest_of(TEXT, Spot(line, fraction), machine)
     assert rest.what == "curve" and rest.spot.line == line
     assert rest.spot.fraction == pytest.approx(fraction, abs=1e-9)
-    items = [item for item in rest.entered((0.0, 0.0, 260.0, 0.0, 0.0), 1) if isinstance(item, Chain)]
+    items = [
+        item for item in rest.entered((0.0, 0.0, 260.0, 0.0, 0.0), 1) if isinstance(item, ContinuousPath)
+    ]
     k = next(i for i, chain in enumerate(items) if (chain.first_id or 0) < ENTRY_ID)
-    motion = items[k].stretches[0].motion
+    motion = items[k].segments[0].motion
     there = motion.joints(items[k].from_s, (0.0, 0.0), kinematics_of(machine))
     assert there is not None and np.abs(np.subtract(there, rest.target.joints)).max() < 1e-9
-    lengths = [s.motion.end for s in items[k].stretches if s.place.line == line]
+    lengths = [s.motion.end for s in items[k].segments if s.place.line == line]
     left = sum(lengths) - items[k].from_s
     assert left > 0.0 and math.isfinite(left)

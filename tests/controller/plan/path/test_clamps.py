@@ -10,7 +10,7 @@ from support.machines.stepped_runs import program as shipped_program
 from controller.machine import machine_file
 from controller.machine.kinematics import kinematics_of
 from controller.plan.path import clamps, path
-from controller.plan.path.path import Chain, Pause
+from controller.plan.segment import ContinuousPath, Pause
 from controller.program import blocks
 from controller.program.program import Act
 
@@ -28,7 +28,7 @@ def walk(text: str) -> list[tuple[str, int]]:
             is_open = item.open_clamps
             found.append((item.act.name if item.act else "dwell", is_open))
         else:
-            assert isinstance(item, Chain)
+            assert isinstance(item, ContinuousPath)
             found.append(("move", is_open))
     return found
 
@@ -92,7 +92,7 @@ def test_a_cut_opens_the_clamps_of_the_rotaries_that_it_turns() -> None:
 def test_a_row_of_lines_that_goes_on_unseen_opens_all_clamps() -> None:
     program = blocks.read(b"G53 G0 X10\nG53 G0 X20\n", MACHINE, "part.ngc")
     items = path.trace(program, MACHINE, kinematics_of(MACHINE), HOME).items
-    parts = [replace(item, runs_on=not i) for i, item in enumerate(items) if isinstance(item, Chain)]
+    parts = [replace(item, runs_on=not i) for i, item in enumerate(items) if isinstance(item, ContinuousPath)]
     pauses = [
         item for item in clamps.opened(parts, MACHINE, kinematics_of(MACHINE)) if isinstance(item, Pause)
     ]

@@ -9,12 +9,12 @@ from dataclasses import replace
 import pytest
 from support.machines.shipped_kinds import random_machine
 from support.machines.stepped_runs import program
-from support.machines.traced_programs import assert_whole, mill, named, names, sentences, stretches, trace
+from support.machines.traced_programs import assert_whole, mill, named, names, segments, sentences, trace
 
 from controller.geometry.vectors import Frame
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
-from controller.plan.path.path import Chain, Pause
+from controller.plan.segment import ContinuousPath, Pause
 from controller.program.program import Act, ProgramError
 
 CONE = "G51 X0. Y15. Z0. I0. J0. K0. H10. R10. D{} F100.\n"
@@ -75,7 +75,9 @@ def test_the_two_surfaces_of_example_2_run_through_in_one_chain() -> None:
     cuts = named(traced, "cut")
     assert [round(c.motion.end, 4) for c in cuts] == [50.5115, 36.7618]
     assert any(
-        [s.name for s in item.stretches].count("cut") == 2 for item in traced.items if isinstance(item, Chain)
+        [s.name for s in item.segments].count("cut") == 2
+        for item in traced.items
+        if isinstance(item, ContinuousPath)
     )
     assert "Joins the block of line 1" in sentences(traced)
     assert_whole(traced, built)
@@ -246,7 +248,7 @@ def test_a_cylinder_leaves_the_free_rotary_where_it_is() -> None:
     built = mill()
     start = (0.0, 0.0, 200.0, 0.0, 1.25)
     traced = trace("G51 X0. Y15. Z0. I0. J0. K0. H10. R15. D360. F100.\n", built, start)
-    assert {s.start[4] for s in stretches(traced)} == {1.25}
+    assert {s.start[4] for s in segments(traced)} == {1.25}
     assert_whole(traced, built, start)
 
 

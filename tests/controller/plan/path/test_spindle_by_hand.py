@@ -11,7 +11,7 @@ from support.machines.stepped_runs import shipped
 from controller.machine import machine_file
 from controller.machine.model import Machine
 from controller.messages import text as in_words
-from controller.plan.stretch import Chain, Pause
+from controller.plan.segment import ContinuousPath, PathItem
 from controller.program.program import Act, ProgramError
 from controller.runtime import checked
 
@@ -25,11 +25,11 @@ def walked(program: str, machine: Machine = HAND, typed: bool = False) -> list[s
     """What comes along the path: moves, stops of the program, and how the operator is asked to turn it."""
     task = replace(checked.task(program.encode(), "part.ngc", machine), typed=typed)
     walk = checked.path_of(task, in_spindle=1)
-    return [_named(one) for one in walk.items if isinstance(one, Chain) or one.act is Act.STOP]
+    return [_named(one) for one in walk.items if isinstance(one, ContinuousPath) or one.act is Act.STOP]
 
 
-def _named(item: Chain | Pause) -> str:
-    if isinstance(item, Chain):
+def _named(item: PathItem) -> str:
+    if isinstance(item, ContinuousPath):
         return "move"
     return f"turn {item.modal.spindle_rev_min:g}" if item.turns else "stop"
 

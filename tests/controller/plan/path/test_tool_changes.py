@@ -14,7 +14,7 @@ from controller import own_database
 from controller.machine import machine_file
 from controller.machine.model import Machine
 from controller.plan.report.survey import survey
-from controller.plan.stretch import Pause
+from controller.plan.segment import Pause
 from controller.program.program import Act
 from controller.runtime import checked
 from controller.runtime.stepped import SteppedMachine

@@ -21,7 +21,7 @@ from controller.plan.feed.course import FeedCourse
 from controller.plan.report import duration, moments, planned
 from controller.plan.report.duration import bounded
 from controller.plan.report.survey import BlockUse, Survey, survey
-from controller.plan.stretch import Chain
+from controller.plan.segment import ContinuousPath
 from controller.program.program import ProgramError
 
 FEEDS = (10_000.0, 1000.0, 100.0, 10.0, 1.0, 0.1, 0.01)  # mm/min
@@ -83,7 +83,7 @@ def test_a_slow_feed_costs_no_more_than_a_fast_one(text: str, most: dict[str, in
 def arc_course(words: str, built: Machine) -> FeedCourse:
     """An arc that begins at X0 Y0."""
     items = trace(f"G0 X0 Y0\n{words}\n", built).items
-    last = [item for item in items if isinstance(item, Chain)][-1].stretches[-1]
+    last = [item for item in items if isinstance(item, ContinuousPath)][-1].segments[-1]
     assert last.name == "arc"
     return FeedCourse([last], built, kinematics_of(built))
 

@@ -9,10 +9,10 @@ from support.machines.stepped_runs import cut, shipped
 
 from controller.ipc.handoff import COLUMN
 from controller.plan.path import path
-from controller.plan.path.path import Chain
 from controller.plan.report.passing import MAX_MARKS, OWN, Passing, passed_s, place_of
 from controller.plan.report.survey import survey
 from controller.plan.restart.program_position import lines_along, part_at
+from controller.plan.segment import ContinuousPath
 
 CLOSE = 0.005  # of the duration ...
 SHORT_S = 0.06  # ... or this: nobody sees it of a program of seconds
@@ -32,10 +32,10 @@ def passing_of(text: str) -> tuple[Passing, float, dict[int, tuple[str, tuple]]]
     made = Passing()
     found = survey(chains(), asked.machine, asked.kinematics, passing=made)
     motions = [
-        (stretch.name, parts)
+        (segment.name, parts)
         for chain in chains()
-        if isinstance(chain, Chain)
-        for stretch, parts in zip(chain.stretches, lines_along(chain), strict=True)
+        if isinstance(chain, ContinuousPath)
+        for segment, parts in zip(chain.segments, lines_along(chain), strict=True)
     ]
     return made, found.duration_s, dict(enumerate(motions))
 

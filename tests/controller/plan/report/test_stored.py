@@ -14,7 +14,7 @@ from controller.messages import message, text
 from controller.plan.report import stored
 from controller.plan.report.stored import Overcut, Stored
 from controller.plan.report.verdict import Verdict
-from controller.plan.stretch import Note
+from controller.plan.segment import Note
 from controller.program.program import Place
 
 HOME = (0.0, 0.0, 200.0, 0.0, 0.0)

@@ -11,7 +11,6 @@ from support.machines.interrupted_runs import EXAMPLE_2, LINES, TIPS, rest_of, s
 from support.machines.stepped_runs import shipped
 
 from controller.plan.path import path
-from controller.plan.path.path import Chain
 from controller.plan.restart.program_position import (
     BESIDE,
     ENTRY_ID,
@@ -21,15 +20,16 @@ from controller.plan.restart.program_position import (
     fraction_at,
     lines_along,
 )
+from controller.plan.segment import ContinuousPath
 
 PROGRAMS = {"surfaces": EXAMPLE_2, "lines": LINES, "blended": LINES.replace("G61", "G64 P0.05"), "tips": TIPS}
 SHARES = np.linspace(0.0, 1.0, 23)
 
 
-def chains(text: str) -> Iterator[Chain]:
+def chains(text: str) -> Iterator[ContinuousPath]:
     asked = source(text, shipped())
     tracer = path.PathBuilder(asked.name, asked.machine, asked.kinematics, asked.start, asked.chosen or {})
-    yield from (item for item in tracer.items(asked.blocks) if isinstance(item, Chain))
+    yield from (item for item in tracer.items(asked.blocks) if isinstance(item, ContinuousPath))
 
 
 def at(parts: tuple[LinePart, ...], s: float) -> tuple[int, float]:
@@ -41,11 +41,11 @@ def at(parts: tuple[LinePart, ...], s: float) -> tuple[int, float]:
 def test_line_and_fraction_are_those_of_a_look_at_the_whole_chain(name: str) -> None:
     looked = 0
     for chain in chains(PROGRAMS[name]):
-        for k, (stretch, parts) in enumerate(zip(chain.stretches, lines_along(chain), strict=True)):
-            for s in SHARES * stretch.motion.end * 0.9999:
+        for k, (segment, parts) in enumerate(zip(chain.segments, lines_along(chain), strict=True)):
+            for s in SHARES * segment.motion.end * 0.9999:
                 line, fraction = at(parts, s)
-                true = 1.0 if stretch.name == "lift" else fraction_at(chain, k, s)
-                assert (line, fraction) == (stretch.line_at(s), pytest.approx(true, abs=1e-9)), stretch.name
+                true = 1.0 if segment.name == "lift" else fraction_at(chain, k, s)
+                assert (line, fraction) == (segment.line_at(s), pytest.approx(true, abs=1e-9)), segment.name
                 looked += 1
     assert looked > 60
 
@@ -55,17 +55,17 @@ def test_what_is_told_in_a_rest_is_what_was_told_in_the_whole(name: str) -> None
     """A chain that begins inside of a line knows nothing of what was before, but for the fraction there."""
     number = 0
     for chain in list(chains(PROGRAMS[name])):
-        for k, (stretch, parts) in enumerate(zip(chain.stretches, lines_along(chain), strict=True)):
-            if stretch.feed_mm_s is not None and stretch.name not in BESIDE:
-                begin, later = 0.31 * stretch.motion.end, 0.62 * stretch.motion.end
+        for k, (segment, parts) in enumerate(zip(chain.segments, lines_along(chain), strict=True)):
+            if segment.feed_mm_s is not None and segment.name not in BESIDE:
+                begin, later = 0.31 * segment.motion.end, 0.62 * segment.motion.end
                 rest = rest_of(
-                    PROGRAMS[name], Spot(stretch.line_at(begin), 0.0, number + k, begin), shipped()
+                    PROGRAMS[name], Spot(segment.line_at(begin), 0.0, number + k, begin), shipped()
                 )
-                first = next(item for item in rest.items if isinstance(item, Chain))
+                first = next(item for item in rest.items if isinstance(item, ContinuousPath))
                 assert first.from_s == begin and (first.first_id or 0) == number + k < ENTRY_ID
                 told = at(lines_along(first, rest.spot.fraction)[0], later)
-                assert told == (stretch.line_at(later), pytest.approx(at(parts, later)[1], abs=1e-9))
-        number += len(chain.stretches)
+                assert told == (segment.line_at(later), pytest.approx(at(parts, later)[1], abs=1e-9))
+        number += len(chain.segments)
         if number > 12:
             break
 
@@ -75,10 +75,10 @@ def test_a_restart_by_line_and_fraction_is_at_that_very_place(share: float) -> N
     """As after a tool correction: neither material left nor any cut twice."""
     number = 0
     for chain in chains(EXAMPLE_2):
-        for k, (stretch, parts) in enumerate(zip(chain.stretches, lines_along(chain), strict=True)):
-            if stretch.cutting:
-                s = share * stretch.motion.end
+        for k, (segment, parts) in enumerate(zip(chain.segments, lines_along(chain), strict=True)):
+            if segment.cutting:
+                s = share * segment.motion.end
                 line, fraction = at(parts, s)
                 spot = rest_of(EXAMPLE_2, Spot(line, fraction, FORMER), shipped()).spot
                 assert (spot.motion_id, spot.s) == (number + k, pytest.approx(s, abs=1e-6))
-        number += len(chain.stretches)
+        number += len(chain.segments)

@@ -6,14 +6,14 @@ from itertools import islice
 
 import numpy as np
 import pytest
-from support.machines.interrupted_runs import EXAMPLE_2, LINES, TIPS, rest_of, source, stretches
+from support.machines.interrupted_runs import EXAMPLE_2, LINES, TIPS, rest_of, segments, source
 from support.machines.stepped_runs import shipped
 
 from controller.machine.kinematics import kinematics_of
-from controller.plan.path.path import Chain, Pause
 from controller.plan.restart import entry, restart
 from controller.plan.restart.program_position import ENTRY_ID, FORMER, Spot
-from controller.plan.restart.reentry import Entrance
+from controller.plan.restart.reentry import WayOnto
+from controller.plan.segment import ContinuousPath, Pause
 from controller.program.program import Act, ProgramError
 
 FIRST, SECOND = 10, 19  # lines of the two surfaces of Example 2
@@ -23,7 +23,7 @@ HOME = (0.0, 0.0, 260.0, 0.0, 0.0)
 def test_a_fraction_of_a_surface_is_that_share_of_its_contact_with_the_state_it_is_cut_in() -> None:
     machine = shipped()
     rest = rest_of(EXAMPLE_2, Spot(SECOND, 0.25), machine)
-    cut = stretches(EXAMPLE_2, machine)[rest.spot.motion_id]
+    cut = segments(EXAMPLE_2, machine)[rest.spot.motion_id]
     assert rest.what == "cut" and cut.place.line == SECOND
     assert rest.spot.s == pytest.approx(0.25 * cut.motion.end, rel=1e-12)
     modal = rest.target.modal
@@ -33,7 +33,7 @@ def test_a_fraction_of_a_surface_is_that_share_of_its_contact_with_the_state_it_
 @pytest.mark.parametrize("share", [0.02, 0.98])
 def test_a_lead_is_begun_again_at_its_start_and_one_that_leads_off_is_passed_over(share: float) -> None:
     machine = shipped()
-    found = {s.name: (i, s) for i, s in reversed(stretches(EXAMPLE_2, machine).items())}
+    found = {s.name: (i, s) for i, s in reversed(segments(EXAMPLE_2, machine).items())}
     which, lead = found["lead in"]
     rest = rest_of(EXAMPLE_2, Spot(lead.place.line, 0.0, which, share * lead.motion.end), machine)
     assert rest.what == "lead in" and (rest.spot.motion_id, rest.spot.s) == (which, 0.0)
@@ -47,10 +47,10 @@ def test_a_lead_is_begun_again_at_its_start_and_one_that_leads_off_is_passed_ove
 def test_the_entry_ends_at_the_very_joints_of_the_uninterrupted_path(fraction: float) -> None:
     machine = shipped()
     rest = rest_of(EXAMPLE_2, Spot(SECOND, fraction), machine)
-    chains = [item for item in rest.entered(HOME, 2) if isinstance(item, Chain)]
+    chains = [item for item in rest.entered(HOME, 2) if isinstance(item, ContinuousPath)]
     k = next(i for i, chain in enumerate(chains) if (chain.first_id or 0) < ENTRY_ID)
-    end = chains[k - 1].stretches[-1].end
-    first = stretches(EXAMPLE_2, machine)[rest.spot.motion_id]
+    end = chains[k - 1].segments[-1].end
+    first = segments(EXAMPLE_2, machine)[rest.spot.motion_id]
     there = first.motion.joints(rest.spot.s, end[3:], kinematics_of(machine))
     assert there is not None and np.abs(np.subtract(there, end)).max() < 1e-9
     assert chains[k].from_s == rest.spot.s
@@ -66,14 +66,14 @@ def test_the_rotaries_of_an_entry_turn_at_the_retract_height_and_the_last_way_is
     for item in rest.entered(low, 2):
         if isinstance(item, Pause) or (item.first_id or 0) < ENTRY_ID:
             continue
-        for stretch in item.stretches:
-            if stretch.name == "lead in":
+        for segment in item.segments:
+            if segment.name == "lead in":
                 continue
-            turns = max(abs(a - b) for a, b in zip(stretch.start[3:], stretch.end[3:], strict=True))
-            assert turns == 0.0 or min(stretch.start[2], stretch.end[2]) >= machine.retract_mm - 1e-9
-            if stretch.name == "plunge":
-                axis = kinematics.forward(stretch.end, 0.0).axis
-                a, b = (kinematics.forward(q, 0.0).tip for q in (stretch.start, stretch.end))
+            turns = max(abs(a - b) for a, b in zip(segment.start[3:], segment.end[3:], strict=True))
+            assert turns == 0.0 or min(segment.start[2], segment.end[2]) >= machine.retract_mm - 1e-9
+            if segment.name == "plunge":
+                axis = kinematics.forward(segment.end, 0.0).axis
+                a, b = (kinematics.forward(q, 0.0).tip for q in (segment.start, segment.end))
                 way = np.subtract(b, a)
                 assert np.linalg.norm(np.cross(way, axis)) < 1e-9 and np.dot(way, axis) < 0.0
 
@@ -110,7 +110,7 @@ def test_a_rapid_is_not_gone_through_in_part_but_entered_at_its_end() -> None:
     machine = shipped()
     rest = rest_of(LINES, Spot(3, 0.5), machine)
     assert rest.spot.line == 4 and rest.spot.s == 0.0
-    rapid = next(s for s in stretches(LINES, machine).values() if s.place.line == 3)
+    rapid = next(s for s in segments(LINES, machine).values() if s.place.line == 3)
     assert np.abs(np.subtract(rest.target.joints, rapid.end)).max() < 1e-12
 
 
@@ -145,7 +145,7 @@ def test_an_entry_beyond_the_travel_is_refused_with_its_line() -> None:
     machine = shipped()
     target = rest_of(EXAMPLE_2, Spot(FIRST, 0.5), machine).target
     beyond = (*HOME[:4], 1e4)
-    how = (2, Entrance(machine, kinematics_of(machine)), "p")
+    how = (2, WayOnto(machine, kinematics_of(machine)), "p")
     assert entry.enter(target, beyond, *how), "from there it may come"
     with pytest.raises(ProgramError, match="way back into the program"):
         entry.enter(target, (301.0, *HOME[1:2], 100.0, *HOME[3:]), *how)
@@ -233,14 +233,16 @@ ALL_OF_THE_LANGUAGE = {
 @pytest.mark.parametrize("name", ALL_OF_THE_LANGUAGE)
 def test_what_is_left_from_any_line_on_is_what_the_whole_run_has_from_there(name: str) -> None:
     text, machine = ALL_OF_THE_LANGUAGE[name] + "M30\n", shipped(unset=())
-    whole = list(stretches(text, machine).values())
-    for line in {stretch.place.line for stretch in whole}:
+    whole = list(segments(text, machine).values())
+    for line in {segment.place.line for segment in whole}:
         rest = rest_of(text, Spot(line, 0.0), machine)
-        left = [stretch for item in rest.items if isinstance(item, Chain) for stretch in item.stretches]
+        left = [
+            segment for item in rest.items if isinstance(item, ContinuousPath) for segment in item.segments
+        ]
         behind = whole[len(whole) - len(left) :]
         assert [(s.place, s.end, s.feed_mm_s) for s in left] == [
             (s.place, s.end, s.feed_mm_s) for s in behind
         ]
-        first = next(k for k, stretch in enumerate(whole) if stretch.place.line == line)
+        first = next(k for k, segment in enumerate(whole) if segment.place.line == line)
         skipped = whole[first : len(whole) - len(left)]
-        assert all(stretch.feed_mm_s is None for stretch in skipped)  # rapids: the entry leads to their end
+        assert all(segment.feed_mm_s is None for segment in skipped)  # rapids: the entry leads to their end

@@ -17,7 +17,7 @@ from controller.geometry.vectors import Frame
 from controller.machine.kinematics import kinematics_of
 from controller.motion.motions import SurfaceCut
 from controller.plan.rotaries.branch import BranchLost, field, joints_along
-from controller.plan.stretch import Stretch, rotaries_of
+from controller.plan.segment import Segment, rotaries_of
 from controller.program.program import Place, ProgramError
 
 KINEMATICS = kinematics_of(machine())
@@ -27,10 +27,10 @@ def cut(surface: Surface, offset_mm: float = 3.0) -> SurfaceCut:
     return SurfaceCut(surface, arc_length.of(surface.lower), offset_mm, 0.0, Frame((8.0, 96.0, 120.0)))
 
 
-def stretch(motion: SurfaceCut, near: tuple[float, float]) -> Stretch:
+def segment(motion: SurfaceCut, near: tuple[float, float]) -> Segment:
     joints = motion.joints(0.0, near, KINEMATICS)
     assert joints is not None
-    return Stretch(motion, Place(1, 1), 1.0, True, joints, joints, True, "cut")
+    return Segment(motion, Place(1, 1), 1.0, True, joints, joints, True, "cut")
 
 
 def wall(upper_y: float, upper: tuple[float, float] = (-4.0, 34.0)) -> RuledSurface:
@@ -50,7 +50,7 @@ SURFACES = [example_1(), example_2()[0], example_2(37.0)[1], wall(0.01), wall(0.
 @pytest.mark.parametrize("surface", SURFACES)
 def test_the_tick_going_in_small_steps_finds_the_same_joints(surface: Surface) -> None:
     motion = cut(surface)
-    along = stretch(motion, (0.3, 0.4))
+    along = segment(motion, (0.3, 0.4))
     s = np.linspace(0.0, motion.end, 4001)
     joints = joints_along(along, s, KINEMATICS)
     near = rotaries_of(along.start, KINEMATICS)
@@ -63,7 +63,7 @@ def test_the_tick_going_in_small_steps_finds_the_same_joints(surface: Surface) -
 
 def test_places_in_any_order_and_number_give_what_all_of_them_give() -> None:
     motion = cut(Cone((0.0, 15.0, 0.0), (0.0, 0.0, 0.0), 10.0, 10.0, 9.0 * math.pi))
-    along = stretch(motion, (0.0, 0.0))
+    along = segment(motion, (0.0, 0.0))
     s = np.linspace(0.0, motion.end, 50)
     whole = joints_along(along, s, KINEMATICS)
     assert np.ptp(whole[:, 4]) == pytest.approx(9.0 * math.pi)

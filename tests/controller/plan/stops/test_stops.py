@@ -23,11 +23,11 @@ from controller.plan.feed import profile
 from controller.plan.feed.course import FeedCourse
 from controller.plan.feed.limits import JointLimits
 from controller.plan.feed.profile import Profile
-from controller.plan.path.path import Chain, joints_along
+from controller.plan.rotaries.branch import joints_along
+from controller.plan.segment import ContinuousPath, straight
 from controller.plan.stops import check
 from controller.plan.stops.table import stops
 from controller.plan.stops.way import Way
-from controller.plan.stretch import straight
 from controller.program.program import Place, ProgramError
 
 VELOCITY, ACCELERATION, JERK = 1.0003, 1.001, 1.015  # times the machine's limits, at most
@@ -54,13 +54,13 @@ class Planned:
 
 
 def planned(source: str, machine: Machine, only: str = "") -> Iterator[Planned]:
-    """The plans of a program; those with a stretch named ``only``."""
+    """The plans of a program; those with a segment named ``only``."""
     kinematics = kinematics_of(machine)
     home = tuple(axis.homing.position for axis in machine.axes)
     for item in traced_programs.trace(source, machine, home).items:  # type: ignore[arg-type]
-        if isinstance(item, Chain):
-            for run in profile.split_at_stops(item.stretches, machine, kinematics, 1.0):
-                if not only or any(stretch.name == only for stretch in run):
+        if isinstance(item, ContinuousPath):
+            for run in profile.split_at_stops(item.segments, machine, kinematics, 1.0):
+                if not only or any(segment.name == only for segment in run):
                     course = FeedCourse(run, machine, kinematics)
                     plan = profile.plan(course)
                     assert plan is not None
@@ -186,7 +186,7 @@ def test_a_table_in_parts_is_the_whole_tables_rows() -> None:
         assert len(own) == len(other) and np.allclose(own, other, rtol=1e-3, atol=20.0), i
 
 
-def test_stops_across_a_junction_of_stretches_keep_the_limits_in_ticks() -> None:
+def test_stops_across_a_junction_of_segments_keep_the_limits_in_ticks() -> None:
     """Sampled as the tick samples: the plan up to the start, the stop, then standstill."""
     machine = shipped()
     for case in planned(program("example2_ready.ngc", "100."), machine, "lead in"):
@@ -218,7 +218,7 @@ def assert_ticks(case: Planned, i: int) -> None:
 def joints(case: Planned, s: float) -> np.ndarray:
     k = int(case.course.index(np.array([s]))[0])
     local = np.array([s - case.course.starts[k]])
-    return np.asarray(joints_along(case.course.stretches[k], local, case.course.kinematics))[0]
+    return np.asarray(joints_along(case.course.segments[k], local, case.course.kinematics))[0]
 
 
 def unseen(seed: int, feed: float) -> Iterator[Planned]:
@@ -259,11 +259,11 @@ def ratio(case: Planned, i: int) -> float | None:
     """How much longer a stop takes than the shortest by linear programs; None where that tells nothing."""
     s, v, a = case.plan.at(case.start(i))
     k = int(case.course.index(np.array([s]))[0])
-    stretch, base = case.course.stretches[k], float(case.course.starts[k])
-    end = stretch.motion.end
+    segment, base = case.course.segments[k], float(case.course.starts[k])
+    end = segment.motion.end
     limits = jerk_limited_stop.limits_of(case.machine.axes)
     way = jerk_limited_stop.way(
-        lambda x: np.asarray(joints_along(stretch, np.clip(x, 0.0, end), case.course.kinematics)),
+        lambda x: np.asarray(joints_along(segment, np.clip(x, 0.0, end), case.course.kinematics)),
         s - base,
         min(end, s - base + max(0.5, 0.6 * v)),
     )

@@ -12,23 +12,23 @@ from support.machines.traced_programs import (
     mill,
     named,
     names,
+    segments,
     sentences,
-    stretches,
     trace,
 )
 
 from controller.geometry.vectors import Vector, add, dot, norm, scale, subtract, unit
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine, Tool
-from controller.plan.path.path import Stretch
+from controller.plan.segment import Segment
 from controller.plan.surfaces.leads import SLENDER
 
 CONE = "G51 X0. Y15. Z0. I0. J0. K0. H10. R10. D{} F100.\n"
 
 
-def tip(stretch: Stretch, s: float, built: Machine) -> Vector:
+def tip(segment: Segment, s: float, built: Machine) -> Vector:
     kinematics = kinematics_of(built)
-    joints = stretch.motion.joints(s, (stretch.start[3], stretch.start[4]), kinematics)
+    joints = segment.motion.joints(s, (segment.start[3], segment.start[4]), kinematics)
     assert joints is not None
     return kinematics.forward(joints, 0.0).tip
 
@@ -45,18 +45,18 @@ def test_the_lead_in_comes_from_the_cutters_side() -> None:
 
 def test_rotaries_turn_only_at_the_retract_height_or_in_the_cut_with_its_leads() -> None:
     built = mill()
-    for stretch in stretches(trace(CONE.format("360."), built, (10.0, 20.0, -50.0, 0.3, 1.0))):
-        if stretch.name not in ("position", "lead in", "cut", "lead out"):
-            assert stretch.start[3:] == stretch.end[3:], stretch.name
-        if stretch.name == "position":
-            assert stretch.start[2] == stretch.end[2] == built.retract_mm
+    for segment in segments(trace(CONE.format("360."), built, (10.0, 20.0, -50.0, 0.3, 1.0))):
+        if segment.name not in ("position", "lead in", "cut", "lead out"):
+            assert segment.start[3:] == segment.end[3:], segment.name
+        if segment.name == "position":
+            assert segment.start[2] == segment.end[2] == built.retract_mm
 
 
 def test_the_tool_is_first_retracted_where_it_stands() -> None:
     start = (10.0, 20.0, -50.0, 0.0, 0.0)
     traced = trace(CONE.format("90."), start=start)
     assert names(traced)[0] == ["retract"]
-    assert stretches(traced)[0].end == (10.0, 20.0, 200.0, 0.0, 0.0)
+    assert segments(traced)[0].end == (10.0, 20.0, 200.0, 0.0, 0.0)
     assert names(trace(CONE.format("90."), start=HOME))[0] == ["position"]
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from support.machines.stepped_runs import shipped
-from support.machines.traced_programs import stretches, trace
+from support.machines.traced_programs import segments, trace
 from support.parts.twisted_blades import blade, normal_turns_deg, off_by_brute_force, program
 
 from controller.geometry.placement import Placed, Strategy
@@ -85,6 +85,6 @@ def test_a_placement_that_would_be_refused_as_well_is_not_advised() -> None:
 def test_a_blade_is_planned_with_a_lead_that_stays_off_its_surface(placement: int) -> None:
     surface, radius = blade(4)
     text = program(surface, 50, radius, placement).replace(f"P{placement}", f"P{placement} R0.05")
-    found = [one for one in stretches(trace(text, machine(radius, "refuse"))) if one.cutting]
+    found = [one for one in segments(trace(text, machine(radius, "refuse"))) if one.cutting]
     (cut,) = found
     assert isinstance(cut.motion.surface, Placed) and cut.motion.surface.through is not None

@@ -24,9 +24,8 @@ from controller.machine.kinematics import Kinematics, kinematics_of
 from controller.machine.model import Machine, Tool
 from controller.plan.feed.course import FeedCourse
 from controller.plan.feed.limits import JointLimits
-from controller.plan.path.path import Chain, Path
 from controller.plan.rotaries.branch import joints_along
-from controller.plan.stretch import Stretch, rotaries_of
+from controller.plan.segment import ContinuousPath, Path, Segment, rotaries_of
 from controller.program.program import ProgramError
 
 RADII = (1.0, 1.5, 3.0, 5.0, 8.0)
@@ -54,10 +53,13 @@ def program(surfaces: list[Pair], side: str, head: str = "") -> str:
     return blu_compounds.text(surfaces, FEED, side, "T1 M6", head)
 
 
-def joints_between(traced: Path) -> list[tuple[Stretch, Stretch]]:
+def joints_between(traced: Path) -> list[tuple[Segment, Segment]]:
     """Every two cuts that follow each other without anything between them."""
     pairs = [
-        p for item in traced.items if isinstance(item, Chain) for p in itertools.pairwise(item.stretches)
+        p
+        for item in traced.items
+        if isinstance(item, ContinuousPath)
+        for p in itertools.pairwise(item.segments)
     ]
     return [(a, b) for a, b in pairs if a.name == b.name == "cut"]
 
@@ -75,15 +77,15 @@ def traced_or_skipped(seed: int, head: str = "") -> tuple[list[Pair], Machine, P
 # ---- smooth ------------------------------------------------------------------------
 
 
-def rates(stretch: Stretch, built: Machine, at_end: bool) -> tuple[np.ndarray, np.ndarray]:
+def rates(segment: Segment, built: Machine, at_end: bool) -> tuple[np.ndarray, np.ndarray]:
     """First and second derivatives of the joints at an end, by differences of what the tick computes."""
-    kinematics, surface = kinematics_of(built), stretch.motion.surface
+    kinematics, surface = kinematics_of(built), segment.motion.surface
     widths = [1.0 / one.per_u for one in surface.blends] if isinstance(surface, Blended) else []
-    h = min(0.004, *(0.01 * width * stretch.motion.end for width in widths), 1.0)
-    near = rotaries_of(stretch.end if at_end else stretch.start, kinematics)
+    h = min(0.004, *(0.01 * width * segment.motion.end for width in widths), 1.0)
+    near = rotaries_of(segment.end if at_end else segment.start, kinematics)
     rows = []
     for k in range(7):
-        found = stretch.motion.joints(stretch.motion.end - k * h if at_end else k * h, near, kinematics)
+        found = segment.motion.joints(segment.motion.end - k * h if at_end else k * h, near, kinematics)
         assert found is not None
         near = rotaries_of(found, kinematics)
         rows.append(found)
@@ -149,10 +151,10 @@ def test_series_samples_and_floats_of_a_blended_cut_are_one(seed: int) -> None:
         for s in before.motion.end + np.array([-3.0, -1.0, -0.1, 0.1, 1.0, 3.0]):
             if not 2.0 * h < s < course.length - 2.0 * h:
                 continue
-            stretch, at = (before, s) if s < before.motion.end else (after, s - before.motion.end)
-            if not 2.0 * h < at < stretch.motion.end - 2.0 * h:
+            segment, at = (before, s) if s < before.motion.end else (after, s - before.motion.end)
+            if not 2.0 * h < at < segment.motion.end - 2.0 * h:
                 continue
-            q = joints_along(stretch, at + h * np.arange(-2.0, 3.0), kinematics)
+            q = joints_along(segment, at + h * np.arange(-2.0, 3.0), kinematics)
             first = (q[0] - 8.0 * q[1] + 8.0 * q[3] - q[4]) / (12.0 * h)
             told = course.derivatives(np.array([s])).first[0]
             assert np.abs(first - told).max() < 1e-6 * (1.0 + np.abs(told).max())
@@ -162,11 +164,11 @@ def test_series_samples_and_floats_of_a_blended_cut_are_one(seed: int) -> None:
 
 
 def poses(
-    stretch: Stretch, s: np.ndarray, kinematics: Kinematics, part: Frame | None = None
+    segment: Segment, s: np.ndarray, kinematics: Kinematics, part: Frame | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
     """Tips and axes in the part frame, of a motion that has none in ``part``."""
-    tip, axis = kinematics.forward(tuple(joints_along(stretch, s, kinematics).T), 0.0, np)
-    part = part or stretch.motion.part
+    tip, axis = kinematics.forward(tuple(joints_along(segment, s, kinematics).T), 0.0, np)
+    part = part or segment.motion.part
     tip, axis = part.from_parent(tip), part.turn_back(axis)
     return tuple(np.stack([np.broadcast_to(c, s.shape) for c in v], axis=1) for v in (tip, axis))
 
@@ -198,7 +200,7 @@ def points_beside(surface: Pair, side: float, u: np.ndarray) -> tuple[np.ndarray
     return np.concatenate(points), np.concatenate(normals)
 
 
-def added_mm(pairs: list[Pair], cuts: list[Stretch], side: float, built: Machine, k: int) -> float:
+def added_mm(pairs: list[Pair], cuts: list[Segment], side: float, built: Machine, k: int) -> float:
     """Largest change of what the k-th joint leaves, by the poses of the plan and by those of Eq. 5."""
     kinematics, radius = kinematics_of(built), built.tools[0].radius_mm
     # All of both cuts: on a twisted surface what comes nearest may stand far along.
@@ -333,7 +335,7 @@ def test_the_overcut_of_a_concave_corner_is_that_of_an_envelope(
     assert len(named(traced, "pivot")) == 1, sentences(traced)
     (um,) = re.findall(r"concave corner, which costs either surface up to ([0-9.]+) um", sentences(traced))
     kinematics, s = kinematics_of(built), np.linspace(0.0, 1.0, 2501)
-    way = [one for item in traced.items if isinstance(item, Chain) for one in item.stretches]
+    way = [one for item in traced.items if isinstance(item, ContinuousPath) for one in item.segments]
     way = [one for one in way if one.name in ("cut", "pivot")]
     part = way[0].motion.part
     tips, axes = (
@@ -529,8 +531,8 @@ def test_upright_rulings_at_a_joint_are_left_upright() -> None:
     traced = trace(f"{CREASES}\nG42\n" + first + leaning, built)
     assert "within the joint tolerance" in sentences(traced)
     for before, after in itertools.pairwise(named(traced, "cut")):
-        for stretch, s in ((before, before.motion.end), (after, 0.0)):
-            axis = stretch.motion.pose(s).axis
+        for segment, s in ((before, before.motion.end), (after, 0.0)):
+            axis = segment.motion.pose(s).axis
             assert math.hypot(axis[0], axis[1]) < 1e-12
     assert_whole(traced, built)
 
@@ -578,7 +580,7 @@ X-9.088 Y8.838 Z0.092
 """
 
 
-def slowest(cut: Stretch, built: Machine) -> float:
+def slowest(cut: Segment, built: Machine) -> float:
     """The least speed (mm/s) that the joints' limits allow along a cut."""
     s = np.linspace(0.0, cut.motion.end, 401)
     found = FeedCourse((cut,), built, kinematics_of(built)).derivatives(s)

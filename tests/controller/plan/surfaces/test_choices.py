@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from support.machines.planned_laws import laws_of
-from support.machines.traced_programs import HOME, assert_whole, mill, named, stretches, trace
+from support.machines.traced_programs import HOME, assert_whole, mill, named, segments, trace
 from support.parts.nurbs_text import blade, nurbs
 from support.parts.random_surfaces import compound, text
 
@@ -17,8 +17,8 @@ from controller.machine import machine_file
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
 from controller.motion.motions import Rotaries
-from controller.plan.path.path import Chain, Path, stream
-from controller.plan.stretch import Diagnostics, rotaries_of
+from controller.plan.path.path import stream
+from controller.plan.segment import ContinuousPath, Diagnostics, Path, rotaries_of
 from controller.plan.surfaces import auto, legs, train
 from controller.plan.surfaces.choices import choices
 from controller.program import blocks
@@ -49,7 +49,7 @@ def of(text: str, built: Machine) -> dict[int, tuple[float, float]]:
 
 def rotary_travel(path: Path) -> float:
     """Degrees that both rotaries turn over a path whose cuts turn evenly."""
-    ends = np.array([[s.start, s.end] for s in stretches(path)])[:, :, 3:]
+    ends = np.array([[s.start, s.end] for s in segments(path)])[:, :, 3:]
     return float(np.degrees(np.abs(ends[:, 1] - ends[:, 0]).sum()))
 
 
@@ -98,10 +98,10 @@ def test_no_cut_is_slower_than_on_another_branch_that_fits(name: str) -> None:
         def cut_s(chosen: dict[int, Rotaries], blocks: Sequence[Block] = read.blocks) -> float:
             items = stream(blocks, "part.ngc", built, kinematics, now, chosen)
             (chain,) = (
-                i for i in items if isinstance(i, Chain) and any(s.name == "cut" for s in i.stretches)
+                i for i in items if isinstance(i, ContinuousPath) and any(s.name == "cut" for s in i.segments)
             )
-            laws = zip(chain.stretches, laws_of(chain.stretches, built), strict=True)
-            return sum(law.duration_s for stretch, law in laws if stretch.name == "cut")
+            laws = zip(chain.segments, laws_of(chain.segments, built), strict=True)
+            return sum(law.duration_s for segment, law in laws if segment.name == "cut")
 
         options = legs.options(legs.Fields(cuts, kinematics), built, near, silent)
         starts = [one.way.start for one in options if one.way.inside and any(one.way.shifts(built, near))]
@@ -153,7 +153,7 @@ def test_of_a_long_train_only_the_ends_of_its_cuts_are_kept() -> None:
     assert [one.way for one in kept] == [one.way for one in whole] and len(kept) == 2
     for one, other in zip(kept, whole, strict=True):
         assert len(one.legs[0].u) == 2 < len(other.legs[0].u)
-        assert one.legs[0].stretch == other.legs[0].stretch
+        assert one.legs[0].segment == other.legs[0].segment
 
 
 # ---- unwinding ---------------------------------------------------------------------

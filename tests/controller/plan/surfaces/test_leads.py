@@ -30,7 +30,8 @@ from controller.machine.model import Machine
 from controller.plan.feed import profile
 from controller.plan.feed.course import FeedCourse
 from controller.plan.feed.limits import JointLimits
-from controller.plan.path.path import Chain, Path, Stretch, joints_along
+from controller.plan.rotaries.branch import joints_along
+from controller.plan.segment import ContinuousPath, Path, Segment
 from controller.plan.surfaces.leads import MAX_TILT_RAD, MAX_TURN_RAD, SLENDER
 from controller.program.program import ProgramError
 
@@ -41,7 +42,7 @@ WALL = (
 )
 
 
-def ends(traced: Path) -> list[tuple[Stretch, Stretch]]:
+def ends(traced: Path) -> list[tuple[Segment, Segment]]:
     """Both pairs of a compound of a lead and the cut, the earlier one first."""
     (onto,), (off,) = named(traced, "lead in"), named(traced, "lead out")
     cuts = named(traced, "cut")
@@ -79,7 +80,7 @@ def test_the_machine_does_not_rest_at_the_first_and_the_last_ruling_of_twisted_s
         assert len(profile.split_at_stops(pair, built, kinematics_of(built))) == 1
 
 
-def tips(lead: Stretch, built: Machine) -> Vector:
+def tips(lead: Segment, built: Machine) -> Vector:
     s = np.linspace(0.0, lead.motion.end, 101)
     q = joints_along(lead, s, kinematics_of(built))
     x, y, z = kinematics_of(built).forward(tuple(q.T), lead.motion.length_mm, np).tip  # type: ignore[union-attr]
@@ -131,9 +132,9 @@ def test_where_no_lead_keeps_the_feed_the_one_that_keeps_most_of_it_is_laid() ->
 # ---- feeds -------------------------------------------------------------------------
 
 
-def feeds(stretch: Stretch) -> tuple[float, float, float]:
-    s = np.array([0.0, 0.5 * stretch.motion.end, stretch.motion.end])
-    first, middle, last = stretch.feed_at(s).tolist()
+def feeds(segment: Segment) -> tuple[float, float, float]:
+    s = np.array([0.0, 0.5 * segment.motion.end, segment.motion.end])
+    first, middle, last = segment.feed_at(s).tolist()
     return first, middle, last
 
 
@@ -174,7 +175,9 @@ def test_a_law_leads_from_a_fast_lead_to_a_slow_cut_and_keeps_its_feed_at_both_r
     built = shipped()
     home = tuple(axis.homing.position for axis in built.axes)
     traced = trace("G42\n" + CONE.format("0.4", feed), built, home)
-    (run,) = (item.stretches for item in traced.items if isinstance(item, Chain) and len(item.stretches) == 3)
+    (run,) = (
+        item.segments for item in traced.items if isinstance(item, ContinuousPath) and len(item.segments) == 3
+    )
     course = FeedCourse(run, built, kinematics_of(built))
     plan = profile.plan(course)
     assert plan is not None and plan.joins
@@ -229,10 +232,10 @@ def test_a_longer_lead_mm_never_makes_a_cut_slower(seed: int) -> None:
         one = replace(built, lead_mm=lead_mm)
         traced = trace(twisted(seed), one, home)
         (chain,) = (
-            c for c in traced.items if isinstance(c, Chain) and "cut" in {s.name for s in c.stretches}
+            c for c in traced.items if isinstance(c, ContinuousPath) and "cut" in {s.name for s in c.segments}
         )
-        laws = zip(chain.stretches, laws_of(chain.stretches, one), strict=True)
-        cut_s = sum(law.duration_s for stretch, law in laws if stretch.name == "cut")
+        laws = zip(chain.segments, laws_of(chain.segments, one), strict=True)
+        cut_s = sum(law.duration_s for segment, law in laws if segment.name == "cut")
         seen.append((cut_s, RESTS in sentences(traced)))
     for (shorter_s, rested), (longer_s, rests) in itertools.pairwise(seen):
         assert longer_s <= 1.01 * shorter_s and rests <= rested, seen

@@ -19,7 +19,7 @@ from support.machines.traced_programs import (
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
 from controller.plan.path import path
-from controller.plan.stretch import Chain, Path, Pause
+from controller.plan.segment import ContinuousPath, Path, PathItem
 from controller.program import blocks
 from controller.program.program import ProgramError
 
@@ -117,8 +117,8 @@ def test_a_refused_surface_comes_behind_the_row_before_it() -> None:
     broken = wall().replace("Z10.000000000", "Z0.000000000")
     text = "G21 G90 G54 G64 P0.01\nT2 M6\nG1 X-8. Y-1.5 Z90. F1500.\nG1 X0.\n" + broken
     made = blocks.read(text.encode(), machine, "part.ngc").blocks
-    found = list[Chain | Pause]()
+    found = list[PathItem]()
     with pytest.raises(ProgramError, match="coincide"):
         for item in path.stream(made, "part.ngc", machine, kinematics_of(machine), HOME):
             found.append(item)
-    assert [s.name for item in found if isinstance(item, Chain) for s in item.stretches][-1] == "line"
+    assert [s.name for item in found if isinstance(item, ContinuousPath) for s in item.segments][-1] == "line"

@@ -16,7 +16,7 @@ from controller.machine import machine_file
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
 from controller.plan.path import path
-from controller.plan.path.path import Chain
+from controller.plan.segment import ContinuousPath
 from controller.program import blocks
 from controller.program.program import ProgramError
 
@@ -98,7 +98,7 @@ def test_what_is_sound_before_a_corner_that_is_refused_is_cut_all_the_same() -> 
     made = []
     with pytest.raises(ProgramError, match="concave corner"):
         for item in path.stream(read, "part.ngc", built, kinematics_of(built), HOME):
-            made += [stretch.name for stretch in item.stretches] if isinstance(item, Chain) else []
+            made += [segment.name for segment in item.segments] if isinstance(item, ContinuousPath) else []
     assert "cut" in made and made[-1] == "retract"
 
 
@@ -144,9 +144,7 @@ def depth(at: np.ndarray, tips: np.ndarray, axes: np.ndarray, radius: float) -> 
 def ends_of_cuts(done: Cut) -> tuple[float, float]:
     """Speed of the contact (mm/s) in the last tick of the first cut and the first one of the second."""
     first, second = (
-        done.column("feed_mm_s")[done.column("motion_id") == i]
-        for i, s in done.stretches.items()
-        if s.cutting
+        done.column("feed_mm_s")[done.column("motion_id") == i] for i, s in done.segments.items() if s.cutting
     )
     return float(first[-1]), float(second[0])
 
@@ -162,17 +160,17 @@ def test_random_surfaces_one_behind_the_other(seed: int) -> None:
     done, led = (cut(text(pairs, 600.0), shipped(link_mm=most, period_s=0.004)) for most in (LINK_MM, 0.0))
     assert done.run.result == "completed"
     assert_in_limits(done, seed)
-    link = [i for i, stretch in done.stretches.items() if stretch.name == "link"]
+    link = [i for i, segment in done.segments.items() if segment.name == "link"]
     if not link:
         return
     ends = [ends_of_cuts(one) for one in (done, led)]
     assert ends[0][0] >= 0.99 * ends[1][0] and ends[0][1] >= 0.99 * ends[1][1]
     rows = {i: np.flatnonzero(done.column("motion_id") == i) for i in (link[0] - 1, link[0], link[0] + 1)}
-    stretch = done.stretches[link[0]]
+    segment = done.segments[link[0]]
     part, radius = done.machine.offsets[0], done.machine.tool(2).radius_mm  # type: ignore[union-attr]
 
     def reached(ticks: np.ndarray, pair: Pair) -> float:
-        poses = done.kinematics.forward(tuple(done.joints[ticks].T), stretch.motion.length_mm, np)  # type: ignore[union-attr]
+        poses = done.kinematics.forward(tuple(done.joints[ticks].T), segment.motion.length_mm, np)  # type: ignore[union-attr]
         tips, axes = np.array(part.from_parent(poses.tip)).T, np.array(part.turn_back(poses.axis)).T
         return depth(points(pair), tips, np.broadcast_to(axes, tips.shape), radius)
 

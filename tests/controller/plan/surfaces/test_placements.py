@@ -128,6 +128,6 @@ def test_a_check_keeps_what_was_found_and_a_start_takes_it_from_there(tmp_path, 
     found, warning = checked.find(task, tmp_path)
     assert found == kept and not warning
     no_search(monkeypatch)
-    cuts = [one for one in checked.stretches(checked.walk_of(task, found, False)).values() if one.cutting]
+    cuts = [one for one in checked.segments(checked.walk_of(task, found, False)).values() if one.cutting]
     (name,) = kept.placements
     assert [one.motion.surface.name for one in cuts] == [name]

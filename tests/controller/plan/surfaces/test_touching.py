@@ -20,7 +20,7 @@ from controller.geometry.vectors import Frame
 from controller.machine.kinematics import Kinematics, kinematics_of
 from controller.motion.motions import SurfaceCut
 from controller.plan.rotaries.branch import joints_along
-from controller.plan.stretch import Stretch, rotaries_of
+from controller.plan.segment import Segment, rotaries_of
 from controller.plan.surfaces.rates import derivatives
 from controller.plan.surfaces.touching import touched
 from controller.program.program import Place
@@ -44,10 +44,10 @@ def cut(surface: Surface, kind: str = "fig4a", part: Frame = PART) -> SurfaceCut
     return touched(motion, kinematics_of(machine(kind)))
 
 
-def stretch(motion: SurfaceCut, kinematics: Kinematics) -> Stretch:
+def segment(motion: SurfaceCut, kinematics: Kinematics) -> Segment:
     joints = motion.joints(0.0, (0.2, 0.3), kinematics)
     assert joints is not None
-    return Stretch(motion, Place(1, 1), 1.0, True, joints, joints, True, "cut")
+    return Segment(motion, Place(1, 1), 1.0, True, joints, joints, True, "cut")
 
 
 @pytest.mark.parametrize("turned_deg", [0.0, 12.3456])
@@ -101,7 +101,7 @@ def test_what_passes_by_the_pole_within_a_hair_turns_no_quicker_than_what_passes
     orders: tuple[int, int], off_mm: float
 ) -> None:
     kinematics = kinematics_of(machine())
-    through, by = (stretch(cut(wall(0.5, orders, off_mm=off)), kinematics) for off in (0.0, off_mm))
+    through, by = (segment(cut(wall(0.5, orders, off_mm=off)), kinematics) for off in (0.0, off_mm))
     assert len(by.motion.touches) == 1 and by.motion.touches[0].roots == pytest.approx([0.5], abs=1e-6)
     middle = arc_length.s_at(by.motion.arc, 0.5)
     s = middle + np.concatenate([sign * np.logspace(-8, 0.5, 60) for sign in (-1.0, 1.0)])
@@ -131,7 +131,7 @@ def test_tick_and_plan_go_through_a_touch_alike_smoothly_and_along_the_ruling(
 ) -> None:
     kinematics, surface = kinematics_of(machine(kind)), wall(place, orders, turned_deg=20.0)
     motion = cut(surface, kind, part)
-    along = stretch(motion, kinematics)
+    along = segment(motion, kinematics)
     middle = arc_length.s_at(motion.arc, place)
     near_touch = middle + np.concatenate([sign * np.logspace(-9, 0, 30) for sign in (-1.0, 1.0)])
     s = np.unique(
@@ -156,7 +156,7 @@ def test_tick_and_plan_go_through_a_touch_alike_smoothly_and_along_the_ruling(
 def test_the_derivatives_at_a_touch_are_those_of_the_joints(orders: tuple[int, int], place: float) -> None:
     """Against a polynomial through the joints: fitted over half a millimetre it knows nothing of poles."""
     kinematics = kinematics_of(machine())
-    along = stretch(cut(wall(place, orders, turned_deg=20.0)), kinematics)
+    along = segment(cut(wall(place, orders, turned_deg=20.0)), kinematics)
     middle = arc_length.s_at(along.motion.arc, place)
     s = np.linspace(max(0.0, middle - 0.25), min(along.motion.end, middle + 0.25), 81)
     fit = [np.polynomial.Chebyshev.fit(s, column, 8) for column in joints_along(along, s, kinematics).T]
@@ -187,8 +187,8 @@ def test_a_touch_in_a_span_and_at_a_knot_of_a_b_spline_is_found(knot: float) -> 
     assert len(motion.touches) == (2 if knot == 0.5 else 1)
     kinematics = kinematics_of(machine())
     s = np.linspace(0.0, motion.end, 1001)
-    rows = joints_along(stretch(motion, kinematics), s, kinematics)
-    wanted = joints_along(stretch(cut(whole), kinematics), s, kinematics)
+    rows = joints_along(segment(motion, kinematics), s, kinematics)
+    wanted = joints_along(segment(cut(whole), kinematics), s, kinematics)
     assert np.abs(np.remainder(rows[:, 4] - wanted[:, 4] + 0.5, math.pi) - 0.5).max() < 1e-9
 
 
@@ -207,7 +207,7 @@ def test_the_touch_of_a_placed_axis_is_followed_by_a_polynomial_of_its_own() -> 
     assert best[0] < 1e-9
     motion, kinematics = cut(best[1]), kinematics_of(machine())
     s = np.linspace(0.0, motion.end, 2001)
-    rows = joints_along(stretch(motion, kinematics), s, kinematics)
+    rows = joints_along(segment(motion, kinematics), s, kinematics)
     _, axes = kinematics.forward(rows.T, 0.0, np)
     wanted = np.array(PART.turn(best[1].axis(motion.arc.u_along(s), np)))
     assert np.abs(np.array(axes) - wanted).max() < 1e-9

@@ -1,6 +1,6 @@
-"""What ``path.trace`` returns: chains of stretches, pauses between them, and notes.
+"""What ``path.trace`` returns: chains of segments, pauses between them, and notes.
 
-A stretch is one motion with its feed. A chain runs through without a planned stop
+A segment is one motion with its feed. A chain runs through without a planned stop
 and begins and ends at rest; everything else that a program asks for happens at
 rest, in a pause.
 """
@@ -55,7 +55,7 @@ def tip_rate(motion: Motion, s: Array) -> Array:
 
 
 @dataclass(frozen=True, slots=True)
-class Stretch:
+class Segment:
     """One motion of a block, with its feed and the joints at both ends."""
 
     motion: Motion
@@ -170,24 +170,24 @@ class Stretch:
 
 
 @dataclass(frozen=True, slots=True)
-class Chain:
-    """Stretches run through without a planned stop; at rest before and after.
+class ContinuousPath:
+    """Segments run through without a planned stop; at rest before and after.
 
     ``runs_on``: the next chain goes on without a rest; so an endless row of program
     lines comes in parts. ``from_s`` and ``first_id``: a restart begins inside of its first
-    stretch, which keeps the number it has in the whole program.
+    segment, which keeps the number it has in the whole program.
     """
 
-    stretches: tuple[Stretch, ...]
+    segments: tuple[Segment, ...]
     runs_on: bool = False
-    from_s: float = 0.0  # in the unit of the first stretch's s; what lies before it is cut already
-    first_id: int | None = None  # motion id of the first stretch; None: counted on
+    from_s: float = 0.0  # in the unit of the first segment's s; what lies before it is cut already
+    first_id: int | None = None  # motion id of the first segment; None: counted on
     optional_stops: frozenset[int] = frozenset()  # orders of the blocks with whose ends it stops if M1 does
 
     @property
     def place(self) -> Place:
         """Where it begins."""
-        return self.stretches[0].place
+        return self.segments[0].place
 
 
 class Wait(NamedTuple):
@@ -214,7 +214,10 @@ class Pause:
     lifts: Lifts | None = None  # guards that do not count in a step of a tool changer, and after it
     turns: bool = False  # a stop at which the operator switches the spindle as the modal state has it
     wait: Wait = field(default=Wait(), repr=False, compare=False)
-    stretches: ClassVar[tuple[Stretch, ...]] = ()  # as a chain has them
+    segments: ClassVar[tuple[Segment, ...]] = ()  # as a chain has them
+
+
+PathItem = ContinuousPath | Pause  # what a path is made of
 
 
 @dataclass(frozen=True, slots=True)
@@ -249,7 +252,7 @@ def motion_named(name: str) -> Key:
 class Path:
     """A whole program as motion; ``end`` are the joints where it leaves the machine."""
 
-    items: tuple[Chain | Pause, ...]
+    items: tuple[PathItem, ...]
     notes: tuple[Note, ...]
     end: Joints
 
@@ -292,7 +295,7 @@ def straight(
     feed_mm_s: float | None,
     kinematics: Kinematics,
     feed_deg_s: float | None = None,
-) -> Stretch | None:
+) -> Segment | None:
     """A line of joint space; None where nothing moves.
 
     s is in millimetres of X Y Z; where only rotaries move, in degrees, at ``feed_deg_s``
@@ -308,7 +311,7 @@ def straight(
     if length < ROUNDING:
         return None
     move = JointMove(Line(a, b), length, first, last)
-    return Stretch(move, place, feed, False, start, end, True, name)
+    return Segment(move, place, feed, False, start, end, True, name)
 
 
 def round_arc(
@@ -319,9 +322,9 @@ def round_arc(
     arc: Arc,
     feed_mm_s: float | None,
     kinematics: Kinematics,
-) -> Stretch:
+) -> Segment:
     """An arc or helix of X Y Z between two joint positions, rotaries turning evenly."""
     length = math.hypot(norm(arc.first) * arc.sweep_rad, norm(arc.rise))
     first, last = rotaries_of(start, kinematics), rotaries_of(end, kinematics)
     move = JointMove(arc, length, first, last)
-    return Stretch(move, place, feed_mm_s, False, start, end, True, name)
+    return Segment(move, place, feed_mm_s, False, start, end, True, name)
