@@ -82,6 +82,12 @@ def what_stays_is_looked_through_once() -> Iterator[None]:
         FREEZE()
 
 
+def pytest_configure() -> None:
+    from support.suite import shipped_once  # which loads numpy: behind ``one_thread``
+
+    shipped_once.install()
+
+
 def pytest_addoption(parser: pytest.Parser) -> None:
     text = "keep every N-th case of each parametrized test, others each time (DIRECTRIX_TEST_SEED)"
     parser.addoption("--share", type=int, default=1, metavar="N", help=text)

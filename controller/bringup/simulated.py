@@ -46,11 +46,11 @@ def _sphere(machine: Machine) -> simulation.Bench | None:
     return None if machine.probe is None else simulation.bench_of(SPHERE, machine)
 
 
-def over_sphere(machine: Machine) -> str:
+def over_sphere(machine: Machine, above_mm: float = 3.0) -> str:
     """The program that brings the probe, its ball so far above that sphere as an operator jogs it there."""
     tool = None if machine.probe is None else machine.tool(machine.probe.tool)
     assert tool is not None  # there is no sphere else
-    place = add(machine.offsets[0].origin, (0.0, 0.0, SPHERE_AT_MM + SPHERE_MM + 3.0))
+    place = add(machine.offsets[0].origin, (0.0, 0.0, SPHERE_AT_MM + SPHERE_MM + above_mm))
     q = kinematics_of(machine).linear(place, (0.0, 0.0), tool.length_mm)
     names = [machine.axes[i].name for i in machine.linear()]
     x, y, z = (f"{name}{at:.4f}" for name, at in zip(names, q, strict=True))

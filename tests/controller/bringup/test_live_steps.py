@@ -10,7 +10,7 @@ import pytest
 from support.live import shop
 from support.live.terminals import Terminals
 
-from controller.bringup import machinery
+from controller.bringup import conduct, excitation, machinery
 from controller.bringup import protocol as protocols
 from controller.bringup.conduct import carry_out
 from controller.bringup.simulated import SPHERE, over_sphere
@@ -20,11 +20,13 @@ from controller.calibration import rotary_fit
 from controller.cli import remote
 from controller.cli.live_bench import LiveBench
 from controller.machine import machine_file
+from controller.machine.model import TOOL_AT_POWER_ON
 from controller.messages import Message, text
 from controller.state.modes import Mode
 
 pytestmark = [pytest.mark.slow, pytest.mark.live, pytest.mark.calm]
 PART = "G21 G90 G54 G94\nT1 M6\nS3000 M3\nG1 X10 Y5 F1500\nX0 Y0\nM30\n"
+ABOVE_MM = 1.5  # of the sphere, where the operator has jogged the probe
 OF = ("X", "XY", "A", "Z", "")  # one step of each kind: of the first of these that it has
 
 
@@ -45,7 +47,7 @@ class Hands:
         if key == "bringup.hand.release":
             self._press()
         elif key == "bringup.hand.sphere":
-            self._bench.run(over_sphere(self._bench.machine), "over_sphere")
+            self._bench.run(over_sphere(self._bench.machine, ABOVE_MM), "over_sphere")
 
     @contextlib.contextmanager
     def works(self, request: Message) -> Iterator[Callable[[], bool]]:
@@ -66,14 +68,32 @@ class Hands:
             self._at.turn_sto(self._step.of)
 
 
+def shortened(patch: pytest.MonkeyPatch) -> None:
+    """As much of each step as shows that it is done; what comes of all of it is seen on a stepped clock."""
+    patch.setattr(machinery, "POSITIONS", rotary_fit.FEWEST_POSITIONS)
+    patch.setattr(machinery, "CLEAR_MM", 2.0)
+    patch.setattr(conduct, "SHARES", (excitation.SHARES[-1],))
+    patch.setattr(excitation, "STROKES", 15)
+    patch.setattr(conduct, "RADIUS_MM", 4.0)
+
+
+def two_tools() -> str:
+    """The shop with two tools in its magazine beside the probe."""
+    text, full = shop.text_of("shop"), "pockets = [1, 2, 3, 4, 0, 0, 0, 99]"
+    assert full in text
+    return text.replace(full, "pockets = [1, 2, 0, 0, 0, 0, 0, 99]")
+
+
 def test_every_kind_of_step_is_done_on_a_machine_that_runs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(machinery, "POSITIONS", rotary_fit.FEWEST_POSITIONS)  # each takes half a minute
+    shortened(monkeypatch)
     folder, part = tmp_path / "machine", tmp_path / "part.ngc"
     folder.mkdir()
     part.write_text(PART)
-    with shop.opened(folder, machine="shop", part=SPHERE) as running:
+    with shop.opened(folder, machine=two_tools(), part=SPHERE) as running:
+        running.up()
+        running.do("POST", "/changer/confirm", json={"spindle": TOOL_AT_POWER_ON, "clear": True})
         running.ready()
         running.http.delete("/control")
         machine = machine_file.load(str(running.machine_file))

@@ -67,7 +67,7 @@ def moves() -> str:
 
 @pytest.mark.parametrize("confirmed", [True, False], ids=["confirmed", "not confirmed"])
 def test_cold_to_motion_by_the_guide_alone(context: Any, tmp_path: Path, confirmed: bool) -> None:
-    machine = "shop" if confirmed else shop._machine("shop", shop.PERIOD_S)
+    machine = "shop" if confirmed else shop.text_of("shop")
     with shop.opened(tmp_path, machine=machine) as running:
         running.until(lambda now: (now.get("sequence") or {}).get("state") == "done", "power up")
         assert (tmp_path / "state" / FILE).exists()

@@ -134,7 +134,7 @@ def test_a_day_at_the_shops_machine(chromium: Any, tmp_path: Path) -> None:
     context = chromium.new_context(
         viewport={"width": 1280, "height": 720}, locale="en-GB", has_touch=True, reduced_motion="reduce"
     )
-    with shop.opened(tmp_path, machine=shop._machine("shop", shop.PERIOD_S)) as running:
+    with shop.opened(tmp_path, machine=shop.text_of("shop")) as running:
         running.until(lambda now: (now.get("sequence") or {}).get("state") == "done", "power up")
         with live_page.page(context, running, "programs", control=False) as page:
             day = Day(page, running, tmp_path)

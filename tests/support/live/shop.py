@@ -52,7 +52,7 @@ class Shop:
         self.late = ("--late", late) if late else ()
         self.folder, self.state, self.runtime = folder, folder / "state", folder / "run"
         self.machine_file = folder / "machine.toml"
-        self.machine_file.write_text(machine if "\n" in machine else _machine(machine, period_s))
+        self.machine_file.write_text(machine if "\n" in machine else text_of(machine, period_s))
         self.part: tuple[str, ...] = ()
         if part:
             (folder / "part.toml").write_text(part)
@@ -217,7 +217,7 @@ def opened(
         shop.end()
 
 
-def _machine(name: str, period_s: float) -> str:
+def text_of(name: str, period_s: float = PERIOD_S) -> str:
     """A shipped machine at another period."""
     text = (SHIPPED / f"{name}.toml").read_text(encoding="utf-8")
     changed, count = PERIOD.subn(f"period_s = {period_s}", text)
@@ -227,4 +227,4 @@ def _machine(name: str, period_s: float) -> str:
 
 def driven(name: str = "trunnion", period_s: float = PERIOD_S) -> str:
     """The same with a drive for its spindle: nobody stands beside it who would switch one."""
-    return _machine(name, period_s).replace(BY_HAND, DRIVE)
+    return text_of(name, period_s).replace(BY_HAND, DRIVE)
