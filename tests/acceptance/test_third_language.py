@@ -134,7 +134,7 @@ def in_trouble(service: Service, engine: FakeEngine) -> None:
     service.watch.look()
 
 
-LOOKS = ("status", "restart", "alarms", "runs", "drives")
+LOOKS = ("status", "restart", "alarms", "drives")
 # Asked in the modes named, each is refused, or done in words.
 ASKED: tuple[tuple[str, dict[str, Any]], ...] = (
     *((verb, {}) for verb in ("start", "hold", "resume", "stop", "enable", "home", "reset", "return", "x")),
