@@ -297,16 +297,16 @@ def knots(
     ends = np.append(np.flatnonzero(np.diff(found.part)), len(found.s) - 1)
     firsts = np.append(0, ends[:-1])
 
-    def wanted(step_s: float) -> tuple[Array, Index, int, int]:
+    def intervals(step_s: float) -> tuple[Array, Index, int, int]:
         """Intervals between samples, those of each part, and how many go into the first and the last."""
         count = _count(found, v, step_s)
         n = np.maximum(1, np.ceil(np.add.reduceat(count, firsts) - 0.2)).astype(np.intp)
         begin = _joined_at_rest(int(n[0])) if v[0] == 0.0 else 0
         return count, n, begin, _joined_at_rest(int(n[-1]) - (begin if len(n) == 1 else 0))
 
-    count, per_part, begin, end = wanted(step_s)
+    count, per_part, begin, end = intervals(step_s)
     if (many := 1 + int(per_part.sum()) - begin - end) > most:
-        count, per_part, begin, end = wanted(step_s * min(many / most, widest))
+        count, per_part, begin, end = intervals(step_s * min(many / most, widest))
     places, upto = [found.s[:1]], 0
     for k in np.flatnonzero(per_part > 1).tolist():  # most parts of rows of many short ones have one interval
         first, last, n = firsts[k], ends[k], per_part[k]

@@ -132,16 +132,16 @@ class RowSearch(Search):
         t = mesh.times(s, speed)
         near = np.minimum(t if self.from_rest else np.inf, t[-1] - t) < RAMP_S
 
-        def wanted(step_s: float) -> tuple[Array, int, int]:
+        def intervals(step_s: float) -> tuple[Array, int, int]:
             """Intervals up to each sample, all of them, and the knots that are left."""
             steps = np.diff(t) / np.where(near[1:], min(step_s, CLOSE_S), step_s)
             count = np.cumsum(np.append(0.0, steps))
             n = max(MIN_KNOTS, math.ceil(count[-1]))
             return count, n, n + 1 - more * (2 if self.from_rest else 1)
 
-        count, n, many = wanted(step_s)
+        count, n, many = intervals(step_s)
         if many > MAX_KNOTS:
-            count, n, _ = wanted(step_s * min(many / MAX_KNOTS, WIDEST))
+            count, n, _ = intervals(step_s * min(many / MAX_KNOTS, WIDEST))
         knots = np.interp(np.linspace(0.0, count[-1], n + 1), count, s)
         knots = np.delete(knots, np.arange(n - more, n))
         if self.from_rest:
