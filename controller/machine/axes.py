@@ -544,6 +544,12 @@ def _check_counts(here: Reading) -> None:
         )
 
 
+def _check_load_feedback(here: Reading) -> None:
+    """Load and motor are compared as of one moment, so the motor's position must come with every SYNC."""
+    if here["load_encoder"] is not None and here["feedback_every"] != 1:
+        here.table.refuse("feedback_every", "load_feedback", every=here["feedback_every"])
+
+
 def _check_temperature(here: Reading) -> None:
     if here["bits"] not in (8, 16, 32):
         here.table.refuse("bits", "no_bits")
@@ -575,7 +581,7 @@ RULES: Mapping[type, Rules] = {
         unit=_unit,
         inner=_radians,
         fills={"travel_min": lambda here: _ends(here)[0], "travel_max": lambda here: _ends(here)[1]},
-        checks=(_check_travel, _check_direction, _check_counts),
+        checks=(_check_travel, _check_direction, _check_counts, _check_load_feedback),
     ),
     Stopping: Rules(checks=(_check_units,)),
     Homing: Rules(made=_homing),

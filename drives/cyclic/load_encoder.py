@@ -23,7 +23,7 @@ class LoadEncoder:
         self.off = 0.0
         self.fault = DriveFault.NONE
         self._per_count, self._most = settings.load_per_count, settings.most_load_off_counts
-        self._patience = IN_A_ROW * max(settings.load_every, settings.feedback_every)
+        self._patience = IN_A_ROW * settings.load_every
         self._zero: float | None = None
         self._beyond = self._silent = 0
 

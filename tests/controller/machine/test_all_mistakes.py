@@ -79,6 +79,10 @@ CAUSES = [
     (("direction = [1, 0, 0]", "direction = [0, 0, 0]"), ["direction"]),
     (("[machine]", "[machin]"), ["machine"]),
     (("node = 1\n", "node = 1\nload_encoder = { tpdo = 3, node = 2, most_off_mm = 1 }\n"), ["node"]),
+    (
+        ("node = 1\n", "node = 1\nfeedback_every = 2\nload_encoder = { tpdo = 3, most_off_mm = 1 }\n"),
+        ["feedback_every"],
+    ),
     (("travel_mm = [-300.0, 300.0]", "travel_mm = [300.0, -300.0]"), ["travel_mm"]),
     (("number = 1\n", ""), ["number"]),
     (('kind = "linear"', 'kind = "table"'), ["kind"]),
