@@ -179,9 +179,10 @@ def help_texts() -> str:
     try:
         group: Any = typer.main.get_command(app)
         rows = (_of_command(name, group.load(name)) for name in sorted(COMMANDS))
-        return "".join(f"{line}\n" for one in rows for line in one)
+        text = "".join(f"{line}\n" for one in rows for line in one)
     finally:
         sys.argv = before
+    return text.replace(tempfile.gettempdir(), "/tmp")
 
 
 def _of_command(name: str, command: Any) -> Iterator[str]:
