@@ -233,4 +233,6 @@ def test_a_run_with_a_spoilt_segment_is_judged_and_called_partial(tmp_path: Path
     assert again == code and (whole["partial"], found["partial"]) == (False, True)
     (spoilt,) = found["spoilt"]
     assert (spoilt["file"], spoilt["first_tick"], spoilt["end_tick"]) == (file.name, 800, 1200)
-    assert "where they were told" in spoilt["sentence"] and len(found["surfaces"]) == len(whole["surfaces"])
+    assert "the commanded positions count" in spoilt["sentence"] and len(found["surfaces"]) == len(
+        whole["surfaces"]
+    )

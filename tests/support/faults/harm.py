@@ -11,6 +11,7 @@ from pathlib import Path
 
 MORE = float(os.environ.get("DIRECTRIX_HARMS", 1))
 PAGE = 4096  # of a database
+PARTS = range(30)  # of thousands, each drawn by itself: a share of the slow tests takes one
 
 
 def times(number: int) -> int:
