@@ -108,7 +108,7 @@ def test_hold_resume_override_and_stop(service: Serving) -> None:
     operators = [event["request"] for event in events if event["request"] not in NOT_ASKED]
     assert operators == ["hold", "override", "resume", "stop"]
     rows = SETPOINTS.read(folder)
-    assert rows is not None and len(rows) == run["ticks"] and np.ptp(rows, axis=0).any()
+    assert rows is not None and len(rows) == run.facts["ticks"] and np.ptp(rows, axis=0).any()
 
 
 def test_a_jog_goes_on_while_it_is_refreshed_and_ends_by_itself_when_it_is_not(service: Serving) -> None:
