@@ -16,7 +16,6 @@ from controller.geometry.splines import BSpline
 from controller.geometry.vectors import Frame
 from controller.machine.model import Tool
 from controller.plan.surfaces.placing import Cutter, place
-from controller.verify import bound as search
 from controller.verify.bound import bound
 from controller.verify.nominal import Nominal
 
@@ -39,13 +38,6 @@ def by_brute_force(surface, placed, radius) -> float:
     return float(np.abs(off_by_brute_force(surface, placed, radius)[2:-2]).max())
 
 
-@pytest.fixture
-def firm_starts(monkeypatch) -> None:
-    """The search from what was found and from the normals alone: dice find more on blades, not here."""
-    monkeypatch.setattr(search, "STARTS", 2)
-
-
-@pytest.mark.usefixtures("firm_starts")
 @pytest.mark.parametrize("taper", [0.0, pytest.param(0.1, marks=pytest.mark.slow)])
 def test_an_axis_that_is_off_where_none_need_be_is_seen(taper) -> None:
     """On a cone a cylinder, or a taper, can be right everywhere; here it stands 20 um too far off."""
@@ -60,7 +52,6 @@ def test_a_surface_whose_axis_is_along_its_rulings_has_none() -> None:
     assert bound(nominal(example_1(), 3.0)) is None
 
 
-@pytest.mark.usefixtures("firm_starts")
 def test_what_was_found_is_stated_as_brute_force_sees_it_and_double_is_told_to_be_freer() -> None:
     surface, shares = example_2()[1], []
     placed = place(surface, Cutter(3.0, 0.0, 0.0), Strategy.DOUBLE)

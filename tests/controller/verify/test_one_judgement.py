@@ -17,7 +17,7 @@ from controller.program.program import CutBlock, ProgramError
 from controller.runtime import checked
 from controller.verify import fits
 
-QUICK = (1, 6)  # along a free axis, and hung at two points
+QUICK = (1, 12)
 
 
 @pytest.mark.parametrize(
