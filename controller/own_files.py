@@ -163,9 +163,9 @@ def see(facts: os.stat_result, file: Path, owner: int | None, alone: bool) -> No
 
 
 def may_read(user: int, file: Path, facts: os.stat_result) -> bool:
-    """Whether a user of the system could have read a file himself: his, or by the modes of file and folders.
+    """Finds out whether a user could read a file himself: it is his, or the modes of file and folders allow it.
 
-    What has no size is of the kernel (``/proc``): there modes are not all that counts.
+    A file without a size is the kernel's (``/proc``), where modes are not all that counts: it is not read.
     """
 
     def has(of: os.stat_result, bit: int) -> bool:

@@ -392,15 +392,15 @@ def read(args: dict[str, Any], machine: Machine) -> Job:
 
 
 def _bounded(text: bytes, path: Path) -> bytes:
-    """As long as a program may be, whatever the size of its file is said to be. Raises CommandRefused."""
+    """Gives the text back. Raises CommandRefused where it is longer than a program may be."""
     if len(text) > linked.MAX_BYTES:
         raise refused("too_large", code="bad", path=path, most=linked.MAX_BYTES >> 20)
     return text
 
 
 def _content(path: Path, reader: int | None) -> bytes:
-    """Of a file that ``reader`` may read, who asks for it; for root or None of any that the service may: a
-    refusal and the record of a run say what is in it. Raises CommandRefused.
+    """Reads a file that its ``reader`` may read, by number of user; None and root: any that the service may.
+    A refusal and the record of a run say what is in it. Raises CommandRefused.
     """
     try:
         with own_files.opened(path.resolve(), os.O_RDONLY, shared=True) as file:

@@ -44,9 +44,8 @@ class Run:
     sha256: str
     began_s: float
     ended_s: float
-    result: (
-        str  # 'completed', 'stopped', 'refused', 'fault', 'interrupted' or 'lost' = service ended, or killed
-    )
+    # 'completed', 'stopped', 'refused', 'fault', 'interrupted', or 'lost': its service ended, or was killed.
+    result: str
     facts: Facts  # duration_s, cut_time_s, following_error {axis, value}, record = name of its folder, ...
 
 
@@ -67,7 +66,7 @@ class Alarm:
 
 
 class History:
-    """Raises sqlite3.Error."""
+    """Answers from the rows of an open store. Raises sqlite3.Error."""
 
     def __init__(self, sql: sqlite3.Connection) -> None:
         self._sql = sql

@@ -212,7 +212,7 @@ def test_a_killed_tick_costs_at_most_a_second_of_cut(service: Serving, instant: 
     assert_at_or_before(entry, first)
     service.done("reset")
     told = [messages.text(one) for one in service.ask("alarms")["alarms"] if one["name"] == "BESIDE_THE_PATH"]
-    assert (entry.done or 0.0) > WAY_OFF or "mm beside the path" in told[0]
+    assert "mm beside the path" in told[0]
     service.ready()
     assert_rest(finish(service), entry)
 

@@ -208,8 +208,8 @@ def test_whatever_is_damaged_is_a_sentence(whole: Path, older: Path, tmp_path: P
 def test_whatever_of_thousands_is_damaged_is_a_sentence(
     part: int, whole: Path, older: Path, tmp_path: Path
 ) -> None:
-    assert hurt(whole, tmp_path / "a", times(70), part) > times(10)
-    assert hurt(older, tmp_path / "b", times(70), part) > times(5)
+    assert hurt(whole, tmp_path / "a", times(70), part) > times(14)
+    assert hurt(older, tmp_path / "b", times(70), part) > times(14)
 
 
 def test_without_a_state_folder_it_is_refused(tmp_path: Path) -> None:
