@@ -163,7 +163,7 @@ def see(facts: os.stat_result, file: Path, owner: int | None, alone: bool) -> No
 
 
 def may_read(user: int, file: Path, facts: os.stat_result) -> bool:
-    """Finds out whether a user could read a file himself: it is his, or the modes of file and folders allow it.
+    """Finds out whether a user could read a file himself: it is his, or modes and folders allow it.
 
     A file without a size is the kernel's (``/proc``), where modes are not all that counts: it is not read.
     """
