@@ -400,6 +400,8 @@ class _BlockInterpreter:
         moving = moving or (named in ("G2", "G3") and self.ask.has("RP"))
         if named in SURFACES or named in CURVES or named in PROBES or named in pocket_words.CODES:
             return named
+        if self.ask.code("one-line") == "G60" and named in ("", "G0"):
+            return "G0" if self.ask.has(self._axes) else ""
         if named == "G80":
             named = self._beneath()
             return named if moving else ""
@@ -533,9 +535,10 @@ class _BlockInterpreter:
             raise self.ask.refusal(self.ask.codes["one-line"][1], "word.g53_alone")
         named = self.ask.code("motion")
         harmless = ("", "G80") if self._machine.dialect == "rs274" else ("", "G80", "G0", "G1", "G2", "G3")
-        if self._holder and named not in harmless:
-            word = self.ask.codes["motion"][1]
-            raise self.ask.refusal(word, "word.two_take_axes", code=named, other=self._holder)
+        for other, beside in ((self._holder, harmless), (once if once == "G60" else "", ("", "G80", "G0"))):
+            if other and named not in beside:
+                word = self.ask.codes["motion"][1]
+                raise self.ask.refusal(word, "word.two_take_axes", code=named, other=other)
 
     # ---- what is done ------------------------------------------------------------------
 
@@ -561,6 +564,11 @@ class _BlockInterpreter:
             self._note("note.nurbs_order", self.ask.words["L"])
         if self._is_fanuc and self.ask.takers.get("P") == "G81":
             self._note("note.g81_p", self.ask.words["P"])
+        for letter in "PR":
+            if self.ask.takers.get(letter) == "G31":
+                self._note("note.skip_signal", self.ask.words[letter])
+        if self.ask.code("one-line") == "G60":
+            self._note("note.one_side", self.ask.codes["one-line"][1])
         for key, word in self.ask.lenient:
             if key not in self.state.noted:
                 told = message(key, word=word.text)

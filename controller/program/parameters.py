@@ -20,6 +20,7 @@ OF_MACRO = range(1, 34)  # a macro's own, on controls as Fanuc's
 SAYS_DEBUG = 5599  # 0: what (DEBUG,) would say is not said
 OF_THE_MACHINE = range(5061, 5603)  # positions, offsets and tools: the control gives them
 ALARM, STOP = 3000, 3006  # what a program writes to end itself, and to stop with a message
+INPUTS, OUTPUTS = 1000, 1100  # the first of those that programs have by P of M66, and of M62 to M65
 VACANT = range(1000)  # there, until a program sets them: neither 0 nor a number
 OF_PROBING = range(5061, 5071)  # of the last probing move: what a program sets there holds until the next
 RETURNED = ("_value", "_value_returned")  # what the last sub gave back, and whether it did
@@ -52,6 +53,7 @@ class System(Protocol):
     asks: dict[int, float]  # ``ALARM`` or ``STOP`` of the line that is read
     notes: list[Message]  # what ``check`` is to tell of it
     changes: list[Change]  # what it changes for good
+    reads: dict[int, bool]  # inputs that were read, by P of M66, and as what
     is_modal_call: bool  # G66 is on
 
     def has(self, key: int) -> bool:
@@ -186,6 +188,13 @@ class Parameters:
         """G66 and G67."""
         if self._system is not None:
             self._system.is_modal_call = is_on
+
+    def taken_reads(self) -> dict[int, bool]:
+        """Inputs that were read since this was asked last, and as what."""
+        if self._system is None or not self._system.reads:
+            return {}
+        reads, self._system.reads = self._system.reads, {}
+        return reads
 
     def fresh(self) -> dict[int, float]:
         """Those that later programs find and that were set since this was asked last."""
