@@ -307,9 +307,10 @@ def _read(state: Path, name: str, file: str) -> dict[str, Any]:
     return {}
 
 
-def settle(state: Path) -> list[Message]:
+def settle(store: ServiceStore, state: Path) -> list[Message]:
     """Runs that a service before this one began and did not end are lost: such a run ended when the last of
-    its setpoints was written. What cannot be read of beginnings and ends is put aside, and said by alarms.
+    its setpoints was written. What cannot be read of beginnings and ends is put aside, and said by alarms; an
+    end that has a row is written anew. Raises OSError.
     """
     found = []
     for name in own_files.names(state / FOLDER, state):
@@ -321,7 +322,8 @@ def settle(state: Path) -> list[Message]:
         with contextlib.suppress(OSError):
             if there and not os.path.lexists(folder / RUN):
                 begun = _read(state, name, BEGUN) or _of_name(name)
-                _write_facts(folder / RUN, {**begun, **_ended(folder, state)})
+                known = history.end_of(store, name) or {**begun, **_ended(folder, state)}
+                _write_facts(folder / RUN, known)
             own_files.remove(folder / BEGUN, state)
     return found
 
