@@ -113,7 +113,7 @@ def reading(file: Path) -> Iterator[sqlite3.Connection]:
     """Opens a SQLite file for who only reads it: all that is read is of one moment.
 
     Nothing is written, also not beside it: what a stranger left there would be his, and the service's own
-    next start would refuse it. It alone takes in what a killed one has written ahead, and says what of that is
+    next start would refuse it. It alone takes in what a killed one has written ahead, and says what of it is
     lost. So without a -wal, when nobody has the file open, it is read as it is ("immutable"); with one, by
     the -shm that its writer has made.
 

@@ -284,10 +284,14 @@ def _write_facts(file: Path, facts: dict[str, Any]) -> None:
     atomic_file.write(file, sealed_file.text(facts, file.name), file.parent.parent.parent)
 
 
+def plain(name: str) -> str:
+    """What the record of a program is called by."""
+    return re.sub(r"[^A-Za-z0-9._-]+", "_", name)[:60].strip(".") or "program"
+
+
 def _stem(name: str) -> str:
-    plain = re.sub(r"[^A-Za-z0-9._-]+", "_", name)[:60].strip(".") or "program"
     now_s = time.time()  # to the millisecond, so that the names' order is that of the runs
-    return time.strftime(_STEM, time.localtime(now_s)) + f".{int(now_s * 1e3) % 1000:03d}-{plain}"
+    return time.strftime(_STEM, time.localtime(now_s)) + f".{int(now_s * 1e3) % 1000:03d}-{plain(name)}"
 
 
 def index(store: ServiceStore, state: Path) -> None:
