@@ -20,19 +20,17 @@ from rich.table import Table
 from rich.text import Text
 
 from controller import atomic_file
-from controller.cli import checkout, speech
+from controller.cli import checkout
 from controller.cli.host_view import Host
 from controller.verify import console
 from controller.verify.console import Refused, bar, refusals, say, show, tell
 
 Names = Annotated[list[str] | None, typer.Argument(metavar="[NAME]...")]
-Short = Annotated[bool, typer.Option("--short")]
 Plot = Annotated[Path | None, typer.Option("--plot", metavar="DIR")]
 Into = Annotated[
     Path | None,
     typer.Option("--readme", metavar="FILE"),
 ]
-Json = Annotated[bool, typer.Option("--json")]
 
 BEGIN, END = "<!-- figures -->", "<!-- end of figures -->"
 SAME = 1e-6  # that parts may miss the whole by
@@ -42,13 +40,12 @@ BOUNDS = ("at_most", "at_least", "at_most_times")  # what may be promised of a f
 Report = Mapping[str, Any]
 
 
-@speech.speaking
 def bench(
     name: Names = None,
-    short: Short = False,
+    short: bool = False,
     plot: Plot = None,
     readme: Into = None,
-    as_json: Json = False,
+    as_json: bool = False,
 ) -> None:
     """Measure: every figure beside its reference in the same run (cyclictest, rs274, bounds, one worker ...).
 

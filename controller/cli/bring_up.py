@@ -17,7 +17,7 @@ import typer
 
 from controller import messages, own_files
 from controller.cli import remote
-from controller.cli.client import Json, TakeOver, Url
+from controller.cli.client import Url
 from controller.machine import machine_file
 from controller.machine.model import Machine
 from controller.machine.toml_table import ConfigError
@@ -35,18 +35,18 @@ EVERY = "all"  # in place of a step's name
 
 def bring_up(
     folder: Annotated[Path, typer.Argument(metavar="FOLDER")],
-    machine: Annotated[str, typer.Option("--machine")] = "trunnion",
-    simulate: Annotated[bool, typer.Option("--simulate")] = False,
+    machine: str = "trunnion",
+    simulate: bool = False,
     step: Annotated[list[str] | None, typer.Option("--step", metavar="STEP")] = None,
-    again: Annotated[bool, typer.Option("--again")] = False,
+    again: bool = False,
     yes: Annotated[list[str] | None, typer.Option("--yes", metavar="STEP")] = None,
     value: Annotated[list[str] | None, typer.Option("--value", metavar="STEP=VALUE")] = None,
     skip: Annotated[list[str] | None, typer.Option("--skip", metavar="STEP=REASON")] = None,
     part: Annotated[Path | None, typer.Option("--part", metavar="PROGRAM")] = None,
     list_only: Annotated[bool, typer.Option("--list")] = False,
-    take_over: TakeOver = False,
+    take_over: bool = False,
     url: Url = remote.URL,
-    as_json: Json = False,
+    as_json: bool = False,
 ) -> None:
     """Bring a new machine up, step by step: what moves, what to look at, and what came of it in a protocol.
 
@@ -307,8 +307,3 @@ def _expected() -> tuple[type[Exception], ...]:
     from drives.commission import CommissionError
 
     return ConfigError, NoProtocol, SessionError, BusError, CommissionError
-
-
-def register(app: typer.Typer) -> None:
-    """Adds the verb, whose name no function can have."""
-    app.command("bring-up")(bring_up)

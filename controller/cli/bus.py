@@ -8,7 +8,6 @@ from typing import Annotated, Any
 
 import typer
 
-from controller.cli.speech import speaking
 from controller.machine import machine_file
 from controller.machine.model import Machine
 from controller.machine.toml_table import ConfigError
@@ -19,23 +18,15 @@ from controller.verify.console import Refused, in_words, refusals, show
 from drives.load import timeline
 from drives.load.budget import BusBudget
 
-app = typer.Typer(add_completion=False)
-
 MachineArgument = Annotated[str | None, typer.Argument()]
-MachineOption = Annotated[str, typer.Option("--machine")]
-PeriodMs = Annotated[float | None, typer.Option("--period-ms")]
-Plot = Annotated[Path | None, typer.Option("--plot")]
-Json = Annotated[bool, typer.Option("--json")]
 
 
-@app.command("bus")
-@speaking
 def bus(
     file: MachineArgument = None,
-    machine: MachineOption = "trunnion",
-    period_ms: PeriodMs = None,
-    plot: Plot = None,
-    as_json: Json = False,
+    machine: str = "trunnion",
+    period_ms: float | None = None,
+    plot: Path | None = None,
+    as_json: bool = False,
 ) -> None:
     """The bus budget: who sends what when in a tick, at its worst; what is left, and what would fit.
 

@@ -24,7 +24,7 @@ from controller.calibration.refusal import Refusal
 from controller.cli import measurements, remote
 from controller.cli.client import Url
 from controller.cli.measurements import Asked, Found
-from controller.cli.speech import speaking
+from controller.cli.speech import Verbs
 from controller.geometry.vectors import Vector
 from controller.machine import machine_file
 from controller.machine.model import Machine
@@ -33,22 +33,11 @@ from controller.program import linked
 from controller.verify import console
 from controller.verify.console import Refused, refusals, show, spoken
 
-app = typer.Typer(no_args_is_help=True)
+app = Verbs(no_args_is_help=True)
 
-Measured = Annotated[Path, typer.Argument()]
-MachineFile = Annotated[str, typer.Option("--machine")]
-Write = Annotated[bool, typer.Option("--write")]
-Json = Annotated[bool, typer.Option("--json")]
 SphereRadius = Annotated[float, typer.Option("--sphere-radius")]
 Length = Annotated[float, typer.Option("--length")]
-Ball = Annotated[float, typer.Option("--ball-radius")]
 Centre = Annotated[str, typer.Option("--centre")]
-Stem = Annotated[str, typer.Option("--stem")]
-Recorded = Annotated[Path, typer.Argument()]
-Plot = Annotated[Path | None, typer.Option("--plot")]
-Program = Annotated[Path | None, typer.Option("--program")]
-Free = Annotated[str, typer.Option("--free")]
-OffsetName = Annotated[str, typer.Option("--offset")]
 MAX_POSITIONS = 100
 
 
@@ -96,16 +85,15 @@ def vector(text: str, option: str) -> Vector:
 
 
 @app.command()
-@speaking
 def rotaries(
-    measured: Measured,
+    measured: Path,
     sphere_radius: SphereRadius,
-    machine: MachineFile = "trunnion",
-    max_mm: Annotated[float, typer.Option("--max-mm")] = MAX_MM,
-    max_deg: Annotated[float, typer.Option("--max-deg")] = MAX_DEG,
+    machine: str = "trunnion",
+    max_mm: float = MAX_MM,
+    max_deg: float = MAX_DEG,
     add: Annotated[int, typer.Option("--add", min=0, max=24)] = 4,
-    write: Write = False,
-    as_json: Json = False,
+    write: bool = False,
+    as_json: bool = False,
 ) -> None:
     """Centres and directions of the rotaries from a sphere that was probed at many of their positions."""
     with refused(as_json):
@@ -170,16 +158,15 @@ def _places(rows: list[dict[str, float]]) -> str:
 
 
 @app.command(name="positions")
-@speaking
 def positions_to_probe(
     centre: Centre,
     sphere_radius: SphereRadius,
     length: Length,
-    ball_radius: Ball = 3.0,
-    stem: Stem = "0,0,1",
+    ball_radius: float = 3.0,
+    stem: str = "0,0,1",
     count: Annotated[int, typer.Option("--count", min=3, max=MAX_POSITIONS)] = 16,
-    machine: MachineFile = "trunnion",
-    as_json: Json = False,
+    machine: str = "trunnion",
+    as_json: bool = False,
 ) -> None:
     """Which positions of the rotaries to probe a sphere at, and what bounds they would leave."""
     with refused(as_json):
@@ -200,14 +187,13 @@ def positions_to_probe(
 
 
 @app.command(name="axis")
-@speaking
 def axis_by_iso_230_2(
-    measured: Measured,
+    measured: Path,
     axis: Annotated[str, typer.Option("--axis")],
-    machine: MachineFile = "trunnion",
-    plot: Plot = None,
-    write: Write = False,
-    as_json: Json = False,
+    machine: str = "trunnion",
+    plot: Path | None = None,
+    write: bool = False,
+    as_json: bool = False,
 ) -> None:
     """Accuracy and repeatability of an axis (ISO 230-2), and its pitch table."""
     with refused(as_json):
@@ -224,9 +210,8 @@ def axis_by_iso_230_2(
 
 
 @app.command(name="spindle")
-@speaking
 def spindle_by_tachometer(
-    measured: Measured, machine: MachineFile = "trunnion", write: Write = False, as_json: Json = False
+    measured: Path, machine: str = "trunnion", write: bool = False, as_json: bool = False
 ) -> None:
     """Scale and offset of an inverter's analogue output, from readings of a tachometer."""
     with refused(as_json):
@@ -254,13 +239,12 @@ def _figures(told: dict[str, Any], names: tuple[str, ...]) -> Table:
 
 
 @app.command(name="circle")
-@speaking
 def circle_by_iso_230_4(
-    recorded: Recorded,
-    axes: Annotated[str, typer.Option("--axes")] = "XY",
-    machine: MachineFile = "trunnion",
-    plot: Plot = None,
-    as_json: Json = False,
+    recorded: Path,
+    axes: str = "XY",
+    machine: str = "trunnion",
+    plot: Path | None = None,
+    as_json: bool = False,
 ) -> None:
     """Circular test (ISO 230-4) of two axes from a recording with circles in both senses."""
     with refused(as_json):
@@ -280,13 +264,12 @@ def circle_by_iso_230_4(
 
 
 @app.command(name="tip")
-@speaking
 def tip_by_iso_10791_6(
-    recorded: Recorded,
-    length: Length = 0.0,
-    machine: MachineFile = "trunnion",
-    plot: Plot = None,
-    as_json: Json = False,
+    recorded: Path,
+    length: float = 0.0,
+    machine: str = "trunnion",
+    plot: Path | None = None,
+    as_json: bool = False,
 ) -> None:
     """Five-axis test with a sphere (ISO 10791-6): what the tip does that should stand while rotaries turn."""
     with refused(as_json):
@@ -304,13 +287,12 @@ def tip_by_iso_10791_6(
 
 
 @app.command()
-@speaking
 def thermal(
-    measured: Measured,
-    offset: OffsetName = "G54",
-    machine: MachineFile = "trunnion",
-    write: Write = False,
-    as_json: Json = False,
+    measured: Path,
+    offset: str = "G54",
+    machine: str = "trunnion",
+    write: bool = False,
+    as_json: bool = False,
 ) -> None:
     """By how much the machine has moved since a reference was where its work offset says."""
     with refused(as_json):
@@ -328,17 +310,16 @@ def thermal(
 
 
 @app.command()
-@speaking
 def part(
-    measured: Measured,
-    program: Program = None,
-    offset: OffsetName = "G54",
-    free: Free = DOFS,
-    machine: MachineFile = "trunnion",
-    write: Write = False,
-    send: Annotated[bool, typer.Option("--send")] = False,
+    measured: Path,
+    program: Path | None = None,
+    offset: str = "G54",
+    free: str = DOFS,
+    machine: str = "trunnion",
+    write: bool = False,
+    send: bool = False,
     url: Url = remote.URL,
-    as_json: Json = False,
+    as_json: bool = False,
 ) -> None:
     """The work offset that fits touches on a part best: on surfaces of its program, planes, bores."""
     with refused(as_json):
@@ -364,13 +345,12 @@ def part(
 
 
 @app.command()
-@speaking
 def inspect(
-    measured: Measured,
+    measured: Path,
     program: Annotated[Path, typer.Option("--program")],
-    offset: OffsetName = "G54",
-    machine: MachineFile = "trunnion",
-    as_json: Json = False,
+    offset: str = "G54",
+    machine: str = "trunnion",
+    as_json: bool = False,
 ) -> None:
     """By how much a wall deviates where it was touched, beside what its program should leave there."""
     with refused(as_json):
@@ -385,13 +365,12 @@ def inspect(
 
 
 @app.command()
-@speaking
 def points(
-    program: Annotated[Path, typer.Argument()],
+    program: Path,
     line: Annotated[int, typer.Option("--line")],
     along: Annotated[int, typer.Option("--along", min=1, max=200)] = 8,
     across: Annotated[int, typer.Option("--across", min=1, max=50)] = 3,
-    machine: MachineFile = "trunnion",
+    machine: str = "trunnion",
 ) -> None:
     """Where to probe a surface: places and normals out of the cutter's side, part frame, as CSV."""
     with refused(False):

@@ -16,24 +16,18 @@ from controller.api import dnc
 from controller.api.dnc import LineError, LineSettings
 from controller.api.dnc_format import Tape, TapeError, punched
 from controller.api.store import Program, Store, StoreError
+from controller.cli.speech import Verbs
 from controller.ipc import control_socket
 from controller.messages import Message, message
 from controller.verify.console import Refused, bar, refusals, say, spoken, tell
 
-app = typer.Typer(
+app = Verbs(
     add_completion=False,
     no_args_is_help=True,
 )
 
 Port = Annotated[str, typer.Option("--port")]
-Baud = Annotated[int, typer.Option("--baud")]
 Format = Annotated[Literal["7E2", "7E1", "8N1"], typer.Option("--format")]
-Flow = Annotated[Literal["xon", "rts", "none"], typer.Option("--flow")]
-Silence = Annotated[float, typer.Option("--silence-s")]
-Wait = Annotated[float, typer.Option("--wait-s")]
-State = Annotated[Path | None, typer.Option("--state")]
-Runtime = Annotated[Path | None, typer.Option("--runtime")]
-Json = Annotated[bool, typer.Option("--json")]
 
 LINE_ENDS = {"own": None, "lf": b"\n", "crlf": b"\r\n", "cr": b"\r", "lfcrcr": b"\n\r\r"}
 BY = "serial line"
@@ -43,16 +37,16 @@ ANSWER_TIMEOUT_S = 5.0  # of the service
 @app.command()
 def receive(
     port: Port,
-    baud: Baud = 9600,
+    baud: int = 9600,
     data_format: Format = "7E2",
-    flow: Flow = "xon",
-    name: Annotated[str, typer.Option("--name")] = "",
-    forever: Annotated[bool, typer.Option("--forever")] = False,
-    silence_s: Silence = 20.0,
-    wait_s: Wait = 600.0,
-    state: State = None,
-    runtime: Runtime = None,
-    as_json: Json = False,
+    flow: Literal["xon", "rts", "none"] = "xon",
+    name: str = "",
+    forever: bool = False,
+    silence_s: float = 20.0,
+    wait_s: float = 600.0,
+    state: Path | None = None,
+    runtime: Path | None = None,
+    as_json: bool = False,
 ) -> None:
     """Take a program from the line into the store, whole or not at all; it does not start.
 
@@ -120,19 +114,19 @@ def _in_use(state: Path, runtime: Path | None) -> Callable[[], Collection[str]]:
 
 @app.command()
 def send(
-    program: Annotated[str, typer.Argument()],
+    program: str,
     port: Port,
-    baud: Baud = 9600,
+    baud: int = 9600,
     data_format: Format = "7E2",
-    flow: Flow = "xon",
-    file: Annotated[bool, typer.Option("--file")] = False,
-    line_end: Annotated[Literal["own", "lf", "crlf", "cr", "lfcrcr"], typer.Option("--line-end")] = "own",
-    checksum: Annotated[bool, typer.Option()] = True,
-    await_start: Annotated[bool, typer.Option("--await-start")] = False,
-    silence_s: Silence = 20.0,
-    wait_s: Wait = 600.0,
-    state: State = None,
-    as_json: Json = False,
+    flow: Literal["xon", "rts", "none"] = "xon",
+    file: bool = False,
+    line_end: Literal["own", "lf", "crlf", "cr", "lfcrcr"] = "own",
+    checksum: bool = True,
+    await_start: bool = False,
+    silence_s: float = 20.0,
+    wait_s: float = 600.0,
+    state: Path | None = None,
+    as_json: bool = False,
 ) -> None:
     """Punch a program out; read back by receive it is identical."""
     with refusals(as_json, lambda: (TapeError, StoreError)):

@@ -18,8 +18,8 @@ from controller.cli import (
     simulated_drives,
     stop_drives,
 )
-from controller.cli.drive_buses import EXPECTED, Channel, Joined, Json, MachineFile, OnBus, OnlyNode, PeriodMs
-from controller.cli.speech import speaking
+from controller.cli.drive_buses import EXPECTED, Joined
+from controller.cli.speech import Verbs
 from controller.ipc import control_socket
 from controller.machine import arrangement, drive_profiles, nodes
 from controller.machine.model import Machine
@@ -30,7 +30,7 @@ from drives.commissioning import identity, lss, possible, sheet, survey, twins
 from drives.commissioning.wanted import Settings
 from drives.settings import MasterSettings, NodeSettings
 
-app = typer.Typer(
+app = Verbs(
     add_completion=False,
     no_args_is_help=True,
 )
@@ -45,9 +45,9 @@ CHECKED_PERIOD_MS = 2.0
 def check(
     eds: Annotated[Path, typer.Option("--eds")],
     profile: Annotated[str, typer.Option("--profile")],
-    period_ms: Annotated[float | None, typer.Option("--period-ms")] = None,
-    bit_rate: Annotated[int, typer.Option("--bit-rate")] = 0,
-    as_json: Json = False,
+    period_ms: float | None = None,
+    bit_rate: int = 0,
+    as_json: bool = False,
 ) -> None:
     """A data sheet against a profile: objects, access, ranges, mapping, period, supervision."""
     with refusals(as_json, lambda: EXPECTED):
@@ -87,15 +87,14 @@ def _period_s(period_ms: float) -> float:
 
 
 @app.command()
-@speaking
 def commission(
-    machine: MachineFile = "trunnion",
-    bus: OnBus = "",
-    channel: Channel = "",
-    period_ms: PeriodMs = None,
-    store: Annotated[bool, typer.Option("--store")] = False,
-    set_node: Annotated[str, typer.Option("--set-node")] = "",
-    as_json: Json = False,
+    machine: str = "trunnion",
+    bus: str = "",
+    channel: str = "",
+    period_ms: float | None = None,
+    store: bool = False,
+    set_node: str = "",
+    as_json: bool = False,
 ) -> None:
     """Write everything that the machine file wants into its drives, read it back, and start them."""
     with refusals(as_json, lambda: EXPECTED):
@@ -173,10 +172,7 @@ def _identity(node: Settings) -> lss.Identity | None:
 
 
 @app.command()
-@speaking
-def scan(
-    machine: MachineFile = "trunnion", bus: OnBus = "", channel: Channel = "", as_json: Json = False
-) -> None:
+def scan(machine: str = "trunnion", bus: str = "", channel: str = "", as_json: bool = False) -> None:
     """Every node 1 .. 127 that answers, with its identity, beside what the machine file expects."""
     with refusals(as_json, lambda: EXPECTED):
         made = drive_buses.machine(machine)
@@ -232,13 +228,12 @@ def _strangers(joined: Joined, found: Sequence[survey.Found]) -> Iterator[Messag
 
 
 @app.command()
-@speaking
 def status(
-    machine: MachineFile = "trunnion",
-    bus: OnBus = "",
-    channel: Channel = "",
-    drive: OnlyNode = "",
-    as_json: Json = False,
+    machine: str = "trunnion",
+    bus: str = "",
+    channel: str = "",
+    drive: str = "",
+    as_json: bool = False,
 ) -> None:
     """How the drives are: NMT and power state, mode, position, errors. Changes nothing."""
     with refusals(as_json, lambda: EXPECTED):
@@ -254,13 +249,12 @@ def status(
 
 
 @app.command()
-@speaking
 def dump(
-    drive: Annotated[str, typer.Argument()],
-    machine: MachineFile = "trunnion",
-    bus: OnBus = "",
-    channel: Channel = "",
-    as_json: Json = False,
+    drive: str,
+    machine: str = "trunnion",
+    bus: str = "",
+    channel: str = "",
+    as_json: bool = False,
 ) -> None:
     """Every object of one drive as it is now, beside the data sheet's default. Changes nothing."""
     with refusals(as_json, lambda: EXPECTED):
@@ -283,7 +277,7 @@ def _entry(entry: survey.Entry) -> dict[str, Any]:
 
 app.command("profile")(drafted_profile.profile)
 app.command("save")(kept_drives.save)
-app.command("restore")(speaking(kept_drives.restore))
-app.command("compare")(speaking(kept_drives.compare))
+app.command("restore")(kept_drives.restore)
+app.command("compare")(kept_drives.compare)
 app.command("stop")(stop_drives.stop)
 app.command("simulate")(simulated_drives.simulate)

@@ -24,8 +24,6 @@ from drives.arranged import Arranged
 from drives.texts import filled
 
 MachineArgument = Annotated[str, typer.Argument()]
-State = Annotated[Path | None, typer.Option("--state")]
-Json = Annotated[bool, typer.Option("--json")]
 
 Texts = Mapping[str, str]
 INDENT = (0, 0, 0, 4)  # columns of what stands under a fault's name
@@ -33,8 +31,8 @@ INDENT = (0, 0, 0, 4)  # columns of what stands under a fault's name
 
 def faults(
     machine: MachineArgument = "trunnion",
-    state: State = None,
-    as_json: Json = False,
+    state: Path | None = None,
+    as_json: bool = False,
 ) -> None:
     """Every fault: its class, what happened, what to do, and within which time the axes stand."""
     with refusals(as_json, lambda: (ConfigError,)):

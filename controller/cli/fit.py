@@ -6,13 +6,10 @@ import json
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
-from typing import Annotated
 
-import typer
 from rich.table import Table
 
 from controller.cli import workers
-from controller.cli.speech import speaking
 from controller.geometry.defects import DefectKind, defect
 from controller.machine import machine_file
 from controller.machine.model import Machine
@@ -23,23 +20,17 @@ from controller.program.program import CutCone, CutNurbs, CutRuled
 from controller.verify import fits, tables
 from controller.verify.console import Refused, bar, refusals, say, show
 
-Argument = Annotated[Path, typer.Argument()]
-Tolerance = Annotated[float, typer.Option("--tolerance")]
-MachineFile = Annotated[str, typer.Option("--machine")]
-Json = Annotated[bool, typer.Option("--json")]
-
 MIN_MM, MAX_MM = 1e-4, 10.0
 FIT_S = 5.0  # that one surface takes, about
 
 
-@speaking
 def fit(
-    program: Argument,
-    tolerance: Tolerance = 0.01,
-    machine: MachineFile = "trunnion",
+    program: Path,
+    tolerance: float = 0.01,
+    machine: str = "trunnion",
     count: workers.Count = 0,
     cluster: workers.Cluster = "",
-    as_json: Json = False,
+    as_json: bool = False,
 ) -> None:
     """For each surface the largest radius, free and of the tool table, and the placement that keep it.
 

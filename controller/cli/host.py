@@ -18,6 +18,7 @@ from controller.cli.host_lines import Line
 from controller.cli.host_measure import Measured
 from controller.cli.host_view import Host
 from controller.cli.installation import STATE
+from controller.cli.speech import Verbs
 from controller.machine import machine_file
 from controller.machine.model import Machine
 from controller.machine.toml_table import ConfigError
@@ -26,18 +27,14 @@ from controller.verify.console import Misunderstood, bar, refusals, say, show, s
 from drives import bus
 from drives.bus import BusError
 
-app = typer.Typer(add_completion=False, no_args_is_help=True)
+app = Verbs(add_completion=False, no_args_is_help=True)
 
-Root = Annotated[Path, typer.Option("--root")]
-Json = Annotated[bool, typer.Option("--json")]
-MachineFile = Annotated[str | None, typer.Option("--machine")]
-PeriodMs = Annotated[float | None, typer.Option("--period-ms")]
 USUAL_S = 60.0  # of a measurement where nothing is said
 LONGEST_S = 31 * 24 * 3600.0
 
 
 @app.command()
-def check(root: Root = Path("/"), as_json: Json = False) -> None:
+def check(root: Path = Path("/"), as_json: bool = False) -> None:
     """What this computer lacks to hold 1 ms and 0.5 ms: what was found, what is good, what to write where.
 
     It changes nothing. Exit code 1 when something that is needed is not good or cannot be seen.
@@ -63,14 +60,14 @@ def _summed(lines: Sequence[Line], failed: int) -> str:
 
 @app.command()
 def measure(
-    machine: MachineFile = None,
-    hours: Annotated[float | None, typer.Option("--hours")] = None,
-    seconds: Annotated[float | None, typer.Option("--seconds")] = None,
-    period_ms: PeriodMs = None,
+    machine: str | None = None,
+    hours: float | None = None,
+    seconds: float | None = None,
+    period_ms: float | None = None,
     report: Annotated[Path, typer.Option("--report", metavar="FILE")] = Path("host.html"),
-    send_sync: Annotated[bool, typer.Option("--send-sync")] = False,
-    state: Annotated[Path, typer.Option("--state")] = STATE,
-    as_json: Json = False,
+    send_sync: bool = False,
+    state: Path = STATE,
+    as_json: bool = False,
 ) -> None:
     """How late this computer wakes the tick, for hours: histogram and percentiles as a page to publish.
 

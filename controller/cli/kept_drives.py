@@ -12,7 +12,7 @@ from typing import Annotated, Any
 import typer
 
 from controller.cli import drive_buses, drive_tables
-from controller.cli.drive_buses import EXPECTED, Channel, Json, MachineFile, OnBus
+from controller.cli.drive_buses import EXPECTED
 from controller.machine import nodes
 from controller.verify.console import Refused, in_words, refusals, say, show, tell
 from drives import commission as commissioning
@@ -21,17 +21,16 @@ from drives.commissioning.remote import NMT_PRE_OPERATIONAL
 from drives.commissioning.wanted import Settings
 
 DriveName = Annotated[str, typer.Argument(metavar="X")]
-Address = Annotated[bool, typer.Option("--address")]
 File = Annotated[Path, typer.Argument(metavar="FILE.dcf")]
 
 
 def save(
     drive: DriveName,
     file: File,
-    machine: MachineFile = "trunnion",
-    bus: OnBus = "",
-    channel: Channel = "",
-    as_json: Json = False,
+    machine: str = "trunnion",
+    bus: str = "",
+    channel: str = "",
+    as_json: bool = False,
 ) -> None:
     """Write what is set up in a drive into a file, for the one that replaces it. Changes nothing in it."""
     with (
@@ -64,11 +63,11 @@ def save(
 def compare(
     drive: DriveName,
     file: File,
-    machine: MachineFile = "trunnion",
-    bus: OnBus = "",
-    channel: Channel = "",
-    address: Address = False,
-    as_json: Json = False,
+    machine: str = "trunnion",
+    bus: str = "",
+    channel: str = "",
+    address: bool = False,
+    as_json: bool = False,
 ) -> None:
     """What is set up in a drive against a file: the differences only; exit code 1 where there are any."""
     with refusals(as_json, lambda: EXPECTED):
@@ -95,12 +94,12 @@ def compare(
 def restore(
     drive: DriveName,
     file: File,
-    machine: MachineFile = "trunnion",
-    bus: OnBus = "",
-    channel: Channel = "",
-    store: Annotated[bool, typer.Option("--store")] = False,
-    address: Address = False,
-    as_json: Json = False,
+    machine: str = "trunnion",
+    bus: str = "",
+    channel: str = "",
+    store: bool = False,
+    address: bool = False,
+    as_json: bool = False,
 ) -> None:
     """Put a set-up back into a drive that is off: what differs is written and read back.
 

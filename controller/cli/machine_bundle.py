@@ -13,14 +13,14 @@ import typer
 
 from controller import atomic_file
 from controller.cli import new_files
-from controller.cli.drive_buses import Json
 from controller.cli.new_machine import new
+from controller.cli.speech import Verbs
 from controller.machine import machine_file
 from controller.machine.named_files import PROFILES, SHEETS
 from controller.machine.toml_table import ConfigError, read_text
 from controller.verify.console import Refused, refusals, say, show
 
-app = typer.Typer(add_completion=False, no_args_is_help=True)
+app = Verbs(add_completion=False, no_args_is_help=True)
 
 app.command("new")(new)
 
@@ -36,8 +36,8 @@ MachineName = Annotated[str, typer.Argument(metavar="MACHINE")]
 def pack(
     machine: MachineName,
     output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE.toml")],
-    overwrite: new_files.Overwrite = False,
-    as_json: Json = False,
+    overwrite: bool = False,
+    as_json: bool = False,
 ) -> None:
     """Write a machine as one sealed file: its tools, data sheets and profiles are in it."""
     with refusals(as_json, lambda: EXPECTED):
@@ -57,7 +57,7 @@ def pack(
 def unpack(
     packed: Annotated[Path, typer.Argument(metavar="FILE.toml")],
     folder: Annotated[Path, typer.Argument(metavar="FOLDER")],
-    as_json: Json = False,
+    as_json: bool = False,
 ) -> None:
     """Lay a packed machine, or one from a record or back-up, out as a folder to work in."""
     with refusals(as_json, lambda: EXPECTED):
@@ -87,7 +87,7 @@ def unpack(
 def diff(
     old: Annotated[str, typer.Argument(metavar="OLD")],
     new: Annotated[str, typer.Argument(metavar="NEW")],
-    as_json: Json = False,
+    as_json: bool = False,
 ) -> None:
     """Compare two machines key by key, tools, sheets and profiles too; exit code 1 where they differ."""
     with refusals(as_json, lambda: EXPECTED):

@@ -9,22 +9,18 @@ import typer
 from rich.table import Table
 
 from controller.cli import remote
-from controller.cli.client import Json, Url, connected
-from controller.cli.speech import say, speaking
+from controller.cli.client import Url, connected
+from controller.cli.speech import say
 from controller.verify.console import show, word
 
 
-@speaking
 def maintenance(
     name: Annotated[str, typer.Argument()] = "",
-    every: Annotated[
-        float | None,
-        typer.Option("--every"),
-    ] = None,
-    counter: Annotated[str, typer.Option("--counter")] = "",
-    done: Annotated[bool, typer.Option("--done")] = False,
+    every: float | None = None,
+    counter: str = "",
+    done: bool = False,
     url: Url = remote.URL,
-    as_json: Json = False,
+    as_json: bool = False,
 ) -> None:
     """List jobs of maintenance with their counters, make or change one, or say that it was done."""
     if not name and (every is not None or counter or done):

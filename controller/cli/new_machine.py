@@ -14,7 +14,6 @@ import typer
 
 from controller import atomic_file
 from controller.cli import new_files, toml_rows
-from controller.cli.drive_buses import Json
 from controller.machine import drive_profiles, keys, machine_file
 from controller.machine.named_files import SHIPPED
 from controller.machine.toml_table import ConfigError
@@ -66,16 +65,16 @@ class Answers:
 
 def new(
     file: Annotated[Path, typer.Argument(metavar="FILE.toml")],
-    kind: Annotated[str, typer.Option("--kind")] = "trunnion",
-    interface: Annotated[str, typer.Option("--interface")] = "virtual",
-    profile: Annotated[str, typer.Option("--profile")] = "simulated",
+    kind: str = "trunnion",
+    interface: str = "virtual",
+    profile: str = "simulated",
     eds: Annotated[str, typer.Option("--eds", metavar="SHEET.eds")] = "",
-    spindle: Annotated[str, typer.Option("--spindle")] = "hand",
+    spindle: str = "hand",
     equipment: Annotated[list[str] | None, typer.Option("--with")] = None,
     put: Annotated[list[str] | None, typer.Option("--set", metavar="TABLE.KEY=VALUE")] = None,
-    ask: Annotated[bool, typer.Option("--ask")] = False,
-    overwrite: new_files.Overwrite = False,
-    as_json: Json = False,
+    ask: bool = False,
+    overwrite: bool = False,
+    as_json: bool = False,
 ) -> None:
     """Write a machine file that checks, from answers: asked for with --ask, or given as options."""
     with refusals(as_json, lambda: (ConfigError,)):

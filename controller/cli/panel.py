@@ -15,26 +15,20 @@ from controller.verify.console import Refused, refusals, say, spoken, tell
 if TYPE_CHECKING:
     from controller.api.store import Store
 
-Host = Annotated[str, typer.Option("--host")]
 Port = Annotated[int, typer.Option("--port", min=0, max=65535)]
-State = Annotated[Path | None, typer.Option("--state")]
-Runtime = Annotated[Path | None, typer.Option("--runtime")]
-Certificate = Annotated[Path | None, typer.Option("--tls-certificate")]
-Key = Annotated[Path | None, typer.Option("--tls-key")]
-Proxy = Annotated[str, typer.Option("--proxy")]
 
 CLOSE_S = 3  # for requests under way, at the end
 
 
 def panel(
-    host: Host = "127.0.0.1",
+    host: str = "127.0.0.1",
     port: Port = 8080,
-    state: State = None,
-    runtime: Runtime = None,
-    tls_certificate: Certificate = None,
-    tls_key: Key = None,
-    proxy: Proxy = "",
-    page: Annotated[bool, typer.Option("--page/--no-page")] = True,
+    state: Path | None = None,
+    runtime: Path | None = None,
+    tls_certificate: Path | None = None,
+    tls_key: Path | None = None,
+    proxy: str = "",
+    page: bool = True,
     anybody_stops: Annotated[bool, typer.Option("--anybody-may-stop")] = False,
 ) -> None:
     """Serve programs, status and control of a machine over HTTP; it may end and come back at any time."""

@@ -10,23 +10,22 @@ from typing import Annotated, Any
 import typer
 
 from controller.cli import remote, waiting
-from controller.cli.client import Json, TakeOver, Url, Wait, carried_out, connected, named, tell_done
-from controller.cli.speech import say, speaking
+from controller.cli.client import Url, carried_out, connected, named, tell_done
+from controller.cli.speech import say
 from controller.verify.console import show, word
 
 
-@speaking
 def probe(
     cycle: Annotated[str | None, typer.Argument()] = None,
     values: Annotated[list[str] | None, typer.Argument()] = None,
-    offset: Annotated[str, typer.Option("--offset")] = "none",
-    found: Annotated[bool, typer.Option("--found")] = False,
+    offset: str = "none",
+    found: bool = False,
     table: Annotated[Path | None, typer.Option("--csv")] = None,
-    touches: Annotated[Path | None, typer.Option("--touches")] = None,
-    wait: Wait = False,
-    take_over: TakeOver = False,
+    touches: Path | None = None,
+    wait: bool = False,
+    take_over: bool = False,
     url: Url = remote.URL,
-    as_json: Json = False,
+    as_json: bool = False,
 ) -> None:
     """Run a probing cycle from where the probe stands, list the cycles, or what they have found."""
     with connected(url, as_json) as machine:

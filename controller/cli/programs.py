@@ -15,8 +15,7 @@ import typer
 
 from controller import messages
 from controller.cli import fitted as fittings
-from controller.cli import machine_check, speech, workers
-from controller.cli.fitted import Fitted
+from controller.cli import machine_check, workers
 from controller.machine import machine_file
 from controller.machine.model import Joints, Machine
 from controller.machine.toml_table import ConfigError
@@ -57,16 +56,6 @@ if TYPE_CHECKING:
     from controller.runtime.stepped import Run, SteppedMachine
     from controller.verify.trace import Trace
 
-ProgramFile = Annotated[Path, typer.Argument()]
-MachineFile = Annotated[str, typer.Option("--machine")]
-Json = Annotated[bool, typer.Option("--json")]
-BlockDelete = Annotated[bool, typer.Option("--block-delete")]
-Gouge = Annotated[Literal["refuse", "warn"] | None, typer.Option("--gouge")]
-Dialect = Annotated[Literal["rs274", "fanuc"] | None, typer.Option("--dialect")]
-PeriodMs = Annotated[float | None, typer.Option("--period-ms")]
-
-Store = Annotated[Path | None, typer.Option("--store")]
-Unchecked = Annotated[bool, typer.Option("--unchecked")]
 
 PARTS = {"cone": "example1_ready", "ruled": "example2_ready"}
 
@@ -154,7 +143,6 @@ def _length_mm(segments: dict[int, Segment]) -> float:
 # --- check ---------------------------------------------------------------------
 
 
-@speech.speaking
 def check(
     program: Annotated[
         Path | None,
@@ -162,17 +150,17 @@ def check(
             metavar="[PROGRAM|DIR]",
         ),
     ] = None,
-    machine: Annotated[str, typer.Option("--machine")] = "",
-    gouge: Gouge = None,
-    block_delete: BlockDelete = False,
-    dialect: Dialect = None,
-    fitted: Fitted = None,
-    store: Store = None,
+    machine: str = "",
+    gouge: Literal["refuse", "warn"] | None = None,
+    block_delete: bool = False,
+    dialect: Literal["rs274", "fanuc"] | None = None,
+    fitted: Path | None = None,
+    store: Path | None = None,
     report: Annotated[Path | None, typer.Option("--report", metavar="FILE")] = None,
-    plot: Annotated[Path | None, typer.Option("--plot")] = None,
+    plot: Path | None = None,
     count: workers.Count = 0,
     cluster: workers.Cluster = "",
-    as_json: Json = False,
+    as_json: bool = False,
 ) -> None:
     """Read, plan and audit a program over its whole path, and store the check; nothing moves.
 
@@ -346,25 +334,24 @@ def _show_notes(notes: Sequence[Note], task: checked.Task) -> None:
 # --- simulate ------------------------------------------------------------------
 
 
-@speech.speaking
 def simulate(
-    program: ProgramFile,
-    machine: MachineFile = "trunnion",
-    period_ms: PeriodMs = None,
-    gouge: Gouge = None,
-    block_delete: BlockDelete = False,
-    dialect: Dialect = None,
-    fitted: Fitted = None,
+    program: Path,
+    machine: str = "trunnion",
+    period_ms: float | None = None,
+    gouge: Literal["refuse", "warn"] | None = None,
+    block_delete: bool = False,
+    dialect: Literal["rs274", "fanuc"] | None = None,
+    fitted: Path | None = None,
     trace_file: Annotated[Path | None, typer.Option("--trace")] = None,
-    events: Annotated[Path | None, typer.Option("--events")] = None,
-    faults: Annotated[Path | None, typer.Option("--faults")] = None,
-    faults_from: Annotated[Literal["program", "home"], typer.Option("--faults-from")] = "program",
-    plot: Annotated[Path | None, typer.Option("--plot")] = None,
-    part: Annotated[Path | None, typer.Option("--part")] = None,
-    touches: Annotated[Path | None, typer.Option("--touches")] = None,
-    store: Store = None,
-    unchecked: Unchecked = False,
-    as_json: Json = False,
+    events: Path | None = None,
+    faults: Path | None = None,
+    faults_from: Literal["program", "home"] = "program",
+    plot: Path | None = None,
+    part: Path | None = None,
+    touches: Path | None = None,
+    store: Path | None = None,
+    unchecked: bool = False,
+    as_json: bool = False,
 ) -> None:
     """Run a program on the stepped clock, with bus and simulated drives, as fast as it can."""
     from controller import memory
@@ -598,14 +585,14 @@ def _write(
 
 
 def demo(
-    part: Annotated[Literal["cone", "ruled"], typer.Option("--part")] = "cone",
-    out: Annotated[Path, typer.Option("--out")] = Path("demo"),
-    store: Store = None,
-    unchecked: Unchecked = False,
-    period_ms: Annotated[float, typer.Option("--period-ms")] = 5.0,
-    panel: Annotated[bool, typer.Option("--panel")] = False,
+    part: Literal["cone", "ruled"] = "cone",
+    out: Path = Path("demo"),
+    store: Path | None = None,
+    unchecked: bool = False,
+    period_ms: float = 5.0,
+    panel: bool = False,
     port: Annotated[int, typer.Option("--port", min=1, max=65535)] = 8080,
-    as_json: Json = False,
+    as_json: bool = False,
 ) -> None:
     """Cut one of the paper's parts in real time on the virtual bus, with simulated drives."""
     if panel:
@@ -662,7 +649,7 @@ def _demo(part: str, out: Path, made: Machine, store: Path | None, unchecked: bo
 # --- paper ---------------------------------------------------------------------
 
 
-def paper(as_json: Json = False) -> None:
+def paper(as_json: bool = False) -> None:
     """The paper's comparison, computed: off-line chords, its first-order step, and ours."""
     from controller.verify import paper as comparisons
     from controller.verify import tables

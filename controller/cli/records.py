@@ -10,7 +10,6 @@ import typer
 from rich.table import Table
 
 from controller import messages
-from controller.cli import speech
 from controller.cli.recorded_runs import spoilt_json
 from controller.machine.toml_table import ConfigError
 from controller.runtime import records
@@ -19,19 +18,13 @@ from controller.runtime.records import Apart, NoRecord, Record
 from controller.verify import console
 from controller.verify.console import Refused, refusals, show, spoken
 
-Recording = Annotated[
-    Path,
-    typer.Argument(),
-]
 Tolerance = Annotated[float, typer.Option("--tolerance", min=0.0)]
-Json = Annotated[bool, typer.Option("--json")]
 
 
-@speech.speaking
 def export(
-    recording: Recording,
+    recording: Path,
     out: Annotated[Path, typer.Argument(metavar="OUT")],
-    as_json: Json = False,
+    as_json: bool = False,
 ) -> None:
     """Write a recording as Parquet, with units and meanings of its columns: for pandas, Polars, DuckDB ...
 
@@ -55,8 +48,7 @@ def export(
             show.print(" ".join([words, *(one["sentence"] for one in spoilt)]), markup=False)
 
 
-@speech.speaking
-def compare(a: Recording, b: Recording, tolerance: Tolerance = 0.0, as_json: Json = False) -> None:
+def compare(a: Path, b: Path, tolerance: Tolerance = 0.0, as_json: bool = False) -> None:
     """Hold two recordings beside each other, row by row from the start of both.
 
     Exit code 0: the same, within --tolerance. 1: the first row and column that are apart, or another length.

@@ -28,20 +28,16 @@ RunName = Annotated[
     str,
     typer.Argument(metavar="RUN"),
 ]
-State = Annotated[Path | None, typer.Option("--state")]
-MachineFile = Annotated[str | None, typer.Option("--machine")]
-ProgramFile = Annotated[Path | None, typer.Option("--program")]
 Trace = Annotated[Path | None, typer.Option("--trace")]
-Json = Annotated[bool, typer.Option("--json")]
 
 
 def replay(
     run: RunName,
-    state: State = None,
-    machine: MachineFile = None,
-    program: ProgramFile = None,
+    state: Path | None = None,
+    machine: str | None = None,
+    program: Path | None = None,
     trace_file: Trace = None,
-    as_json: Json = False,
+    as_json: bool = False,
 ) -> None:
     """Make a recorded run again on the stepped clock, and compare every setpoint bit for bit.
 

@@ -8,9 +8,7 @@ import socket
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Literal
-
-import typer
+from typing import Literal
 
 from controller import journald
 from controller.cli import machine_check
@@ -23,25 +21,17 @@ from controller.verify.console import Refused, refusals, say, tell
 
 NOTIFY_S = 5.0  # for systemd to make room
 
-MachineFile = Annotated[str, typer.Option("--machine")]
-
 
 def serve(
-    machine: MachineFile = "trunnion",
-    simulate: Annotated[bool, typer.Option("--simulate")] = False,
-    part: Annotated[
-        Path | None,
-        typer.Option("--part"),
-    ] = None,
-    state: Annotated[Path | None, typer.Option("--state")] = None,
-    runtime: Annotated[Path | None, typer.Option("--runtime")] = None,
-    period_ms: Annotated[float | None, typer.Option("--period-ms")] = None,
-    late: Annotated[
-        Literal["stop", "count"] | None,
-        typer.Option("--late"),
-    ] = None,
-    group: Annotated[str, typer.Option("--group")] = "",
-    pendant: Annotated[Path | None, typer.Option("--pendant")] = None,
+    machine: str = "trunnion",
+    simulate: bool = False,
+    part: Path | None = None,
+    state: Path | None = None,
+    runtime: Path | None = None,
+    period_ms: float | None = None,
+    late: Literal["stop", "count"] | None = None,
+    group: str = "",
+    pendant: Path | None = None,
 ) -> None:
     """Drive a machine: drives, planner and tick, with a local socket for panel and scripts."""
     from drives.bus import BusError

@@ -8,7 +8,7 @@ import shutil
 import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import typer
 
@@ -17,26 +17,18 @@ from controller.cli import installation, locked, self_test, update
 from controller.cli.host_lines import Line
 from controller.cli.installation import ENVIRONMENT, STATE, TARGET, UNITS
 from controller.cli.privileged import as_root, run
+from controller.cli.speech import Verbs
 from controller.machine import machine_file
 from controller.machine.model import Machine
 from controller.machine.toml_table import ConfigError
 from controller.runtime import drive_sheets
 from controller.verify.console import Refused, in_words, refusals, say, show, tell
 
-app = typer.Typer(
+app = Verbs(
     add_completion=False,
     no_args_is_help=True,
 )
 
-Root = Annotated[
-    Path | None,
-    typer.Option("--root"),
-]
-Json = Annotated[bool, typer.Option("--json")]
-MachineFile = Annotated[
-    str | None,
-    typer.Option("--machine"),
-]
 HIDDEN = ("/home", "/root", "/run/user", "/tmp", "/var/tmp")  # ProtectHome=yes, PrivateTmp=yes
 SHOWN = ("LoadState", "ActiveState", "SubState", "Result", "NRestarts", "MainPID", "StatusText")
 NOT_RUNNING = 3  # exit code, as systemctl's
@@ -47,13 +39,13 @@ NOT_RUNNING = 3  # exit code, as systemctl's
 
 @app.command()
 def install(
-    machine: MachineFile = None,
-    simulate: Annotated[bool | None, typer.Option("--simulate/--no-simulate")] = None,
-    panel: Annotated[str | None, typer.Option("--panel")] = None,
-    start: Annotated[bool, typer.Option("--start")] = False,
-    unlocked: Annotated[bool, typer.Option("--unlocked")] = False,
-    root: Root = None,
-    as_json: Json = False,
+    machine: str | None = None,
+    simulate: bool | None = None,
+    panel: str | None = None,
+    start: bool = False,
+    unlocked: bool = False,
+    root: Path | None = None,
+    as_json: bool = False,
 ) -> None:
     """Write the units, users, folders and CAN interfaces of a machine, to be started at every boot.
 
@@ -170,7 +162,7 @@ def _tell_installed(as_json: bool, paths: list[Path], machine: Machine, hint: bo
 
 
 @app.command()
-def uninstall(root: Root = None, as_json: Json = False) -> None:
+def uninstall(root: Path | None = None, as_json: bool = False) -> None:
     """Stop the services and take away what install wrote; /etc/directrix and programs stay."""
     with refusals(as_json, lambda: ()):
         below = root or Path("/")
@@ -209,7 +201,7 @@ app.command("rollback")(update.rollback)
 
 
 @app.command()
-def status(as_json: Json = False) -> None:
+def status(as_json: bool = False) -> None:
     """How the services are; exit code 3 when one of them does not run."""
     with refusals(as_json, lambda: ()):
         units = _shown(run("systemctl", "show", "--property", ",".join(("Id", *SHOWN)), *UNITS))
@@ -247,10 +239,10 @@ def _sentence(unit: dict[str, str]) -> str:
 
 @app.command("self-test")
 def self_tests(
-    machine: MachineFile = None,
-    seconds: Annotated[float, typer.Option("--seconds")] = 5.0,
-    state: Annotated[Path, typer.Option("--state")] = STATE,
-    as_json: Json = False,
+    machine: str | None = None,
+    seconds: float = 5.0,
+    state: Path = STATE,
+    as_json: bool = False,
 ) -> None:
     """Whether this computer can run the machine: one line each, pass or fail, with the remedy.
 

@@ -12,33 +12,23 @@ from typing import Annotated, Any, Literal
 import typer
 
 from controller import memory
-from controller.cli import checkout, speech
+from controller.cli import checkout
 from controller.verify import console
 from controller.verify.console import Refused, bar, refusals, say, show, tell
 
 Hours = Annotated[float, typer.Option("--hours", min=0.0)]
-Seed = Annotated[int | None, typer.Option("--seed")]
 First = Annotated[int, typer.Option("--first", min=0)]
 Runs = Annotated[int | None, typer.Option("--runs", min=1)]
-Clock = Annotated[
-    Literal["stepped", "real"],
-    typer.Option(
-        "--clock",
-    ),
-]
-Out = Annotated[Path, typer.Option("--out")]
-Json = Annotated[bool, typer.Option("--json")]
 
 
-@speech.speaking
 def soak(
     hours: Hours = 1.0,
-    seed: Seed = None,
-    clock: Clock = "stepped",
+    seed: int | None = None,
+    clock: Literal["stepped", "real"] = "stepped",
     first: First = 0,
     runs: Runs = None,
-    out: Out = Path("soak"),
-    as_json: Json = False,
+    out: Path = Path("soak"),
+    as_json: bool = False,
 ) -> None:
     """Run what is drawn at random, and judge every tick of it.
 

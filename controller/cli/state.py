@@ -22,6 +22,7 @@ from rich.table import Table as Printed
 from controller import messages, npz, own_database, own_files, sealed_file, sealed_rows
 from controller.api import log_in_marker, own_folder
 from controller.api.programs import CONTENT, FOLDER
+from controller.cli.speech import Verbs
 from controller.ipc import control_socket
 from controller.machine import arrangement
 from controller.messages import Message, message, of_error
@@ -33,7 +34,7 @@ from controller.state.setpoints import TABLES, Table
 from controller.store import service_store, tool_store
 from controller.verify.console import Refused, refusals, say, show, spoken
 
-app = typer.Typer(add_completion=False, no_args_is_help=True)
+app = Verbs(add_completion=False, no_args_is_help=True)
 
 Condition = Literal["ok", "older", "unread", "damaged"]
 OK: Final = "ok"
@@ -61,8 +62,8 @@ def main() -> None:
 
 @app.command()
 def check(
-    state: Annotated[Path | None, typer.Option("--state")] = None,
-    as_json: Annotated[bool, typer.Option("--json")] = False,
+    state: Path | None = None,
+    as_json: bool = False,
 ) -> None:
     """Hold every file and row of a state folder against its checksum. It changes nothing; exit code 1 where
     one is damaged, or not for you to read.
@@ -87,8 +88,8 @@ def check(
 @app.command("requests")
 def list_requests(
     most: Annotated[int, typer.Option("--most", min=1, max=requests.MAX_ROWS)] = 50,
-    state: Annotated[Path | None, typer.Option("--state")] = None,
-    as_json: Annotated[bool, typer.Option("--json")] = False,
+    state: Path | None = None,
+    as_json: bool = False,
 ) -> None:
     """Who asked the machine for what, as the service has noted it."""
     with refusals(as_json, lambda: (OSError,)):

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import json
-from typing import Annotated
 
 import typer
 
 from controller import messages
+from controller.cli import speech
 from controller.machine import machine_file, nodes
 from controller.machine.model import Machine
 from controller.machine.toml_table import ConfigError
@@ -16,11 +16,8 @@ from drives import bus as buses
 from drives import commission, pdo, quick_stop
 from drives.settings import BusSettings
 
-MachineFile = Annotated[str, typer.Option("--machine")]
-Json = Annotated[bool, typer.Option("--json")]
 
-
-def stop(machine: MachineFile = "trunnion", as_json: Json = False) -> None:
+def stop(machine: str = "trunnion", as_json: bool = False) -> None:
     """Quick stop for every drive, then NMT stop: for the end of a service, whatever it ended of.
 
     It asks nobody and refuses nothing: a stop is always allowed. It is no emergency stop.
@@ -63,7 +60,5 @@ def _report(as_json: bool, told: list[str], silent: list[str], unreachable: list
     show.print(say("cli.stop.told", names=", ".join(told)) if told else say("cli.stop.none"))
 
 
-if (
-    __name__ == "__main__"
-):  # for the end of the service: a third of the time that the whole command line takes
-    typer.run(stop)
+if __name__ == "__main__":  # at the end of a service: in a third of the time of the whole command line
+    typer.run(speech.speaking(stop))

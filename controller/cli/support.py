@@ -60,10 +60,10 @@ Part = tuple[str, bytes]
 
 
 def support(
-    archive: Annotated[Path, typer.Argument()],
-    state: Annotated[Path | None, typer.Option("--state")] = None,
+    archive: Path,
+    state: Path | None = None,
     records: Annotated[int, typer.Option("--records", min=0, max=100)] = LATEST,
-    as_json: Annotated[bool, typer.Option("--json")] = False,
+    as_json: bool = False,
 ) -> None:
     """Write one archive for who helps from afar; no secrets are in it."""
     with refusals(as_json, lambda: (StoreError, ConfigError)):

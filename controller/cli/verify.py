@@ -13,7 +13,7 @@ import typer
 from rich.table import Table
 
 from controller import messages
-from controller.cli import speech, workers
+from controller.cli import workers
 from controller.machine import machine_file
 from controller.machine.model import Machine, Tool
 from controller.plan.report.verdict import Verdict
@@ -34,17 +34,10 @@ from controller.workers import Spread, here
 if TYPE_CHECKING:
     from controller.verify.bound import Bound
 
-Argument = Annotated[Path, typer.Argument()]
-Program = Annotated[Path | None, typer.Option("--program")]
-MachineFile = Annotated[str, typer.Option("--machine")]
-Commanded = Annotated[bool, typer.Option("--commanded")]
-GougeWord = Annotated[Literal["refuse", "warn"] | None, typer.Option("--gouge")]
 BoundWord = Annotated[
     bool,
     typer.Option("--bound"),
 ]
-Plot = Annotated[Path | None, typer.Option("--plot")]
-Json = Annotated[bool, typer.Option("--json")]
 
 MAX_ROWS = 40  # of the table
 MAX_SURFACES = 1000  # of a run, that are listed
@@ -103,18 +96,17 @@ def _gouges_json(gouges: Sequence[Gouge]) -> list[dict[str, Any]]:
     return [{**one.to_dict(), "sentence": messages.text(one.message, spoken.get())} for one in gouges]
 
 
-@speech.speaking
 def verify(
-    file: Argument,
-    program: Program = None,
-    machine: MachineFile = "trunnion",
-    commanded: Commanded = False,
-    gouge: GougeWord = None,
-    plot: Plot = None,
+    file: Path,
+    program: Path | None = None,
+    machine: str = "trunnion",
+    commanded: bool = False,
+    gouge: Literal["refuse", "warn"] | None = None,
+    plot: Path | None = None,
     with_bound: BoundWord = False,
     count: workers.Count = 0,
     cluster: workers.Cluster = "",
-    as_json: Json = False,
+    as_json: bool = False,
 ) -> None:
     """Compute the surface as cut: overcut and undercut along the normal, gouges, collisions."""
     with refusals(as_json, _expected):
