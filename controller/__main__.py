@@ -21,8 +21,8 @@ from controller.cli import help_texts, speech, usage_errors
 from controller.commands.table import ALL
 from controller.version import VERSION
 
-# File of controller/cli: the commands that it adds, as --help lists them. It has a function of that
-# name, or a group ``app`` or of that name (``speech.Verbs``); or ``register(app)`` where there is more to say.
+# File of controller/cli: the commands that it adds, as --help lists them. It has a function or a group
+# (``speech.Verbs``) of that name, or a group ``app``; or ``register(app)`` where there is more to say.
 FILES = {
     "programs": ("check", "simulate", "demo", "paper"),
     "replay": ("replay",),

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import time
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from controller import messages
 from controller.api import backup
 from controller.api.backup import BackupError, Contents
 from controller.api.store import Store, StoreError
@@ -21,7 +19,7 @@ from controller.machine import setup_data
 from controller.machine.model import Machine
 from controller.machine.toml_table import ConfigError
 from controller.runtime.bus_load import overload
-from controller.verify.console import Refused, refusals, say, show, spoken
+from controller.verify.console import Refused, answered, in_words, refusals, say, show
 
 app = Verbs(
     add_completion=False,
@@ -112,7 +110,7 @@ def _sound(machine: Machine, quiet: bool) -> None:
     """
     machine_check.sheets(machine, quiet)
     if why := overload(machine):
-        raise Refused(messages.text(why, spoken.get()))
+        raise Refused(in_words(why))
 
 
 def _restored(store: Store, contents: Contents, machine_file: Path | None, as_json: bool) -> None:
@@ -155,9 +153,8 @@ def _facts(contents: Contents) -> dict[str, Any]:
 
 
 def _show(as_json: bool, facts: dict[str, Any]) -> None:
-    done = [messages.text(one, spoken.get()) for one in facts.get("done") or ()]
-    if as_json:
-        print(json.dumps({"ok": True, **facts, **({"done": done} if done else {})}))
+    done = [in_words(one) for one in facts.get("done") or ()]
+    if answered(as_json, **facts, **({"done": done} if done else {})):
         return
     listed = (say(f"cli.backup.fact.{name}", value=value) for name, value in facts.items() if name != "done")
-    show.print("\n".join(done or [f"{', '.join(listed)}."]), markup=False)
+    show.print("\n".join(done or [f"{', '.join(listed)}."]))

@@ -23,7 +23,7 @@ from controller import atomic_file
 from controller.cli import checkout
 from controller.cli.host_view import Host
 from controller.verify import console
-from controller.verify.console import Refused, bar, refusals, say, show, tell
+from controller.verify.console import Refused, answered, bar, refusals, say, show, tell
 
 Names = Annotated[list[str] | None, typer.Argument(metavar="[NAME]...")]
 Plot = Annotated[Path | None, typer.Option("--plot", metavar="DIR")]
@@ -51,7 +51,7 @@ def bench(
 
     A computer that does something else meanwhile spoils them: compare ratios of one run.
     """
-    with refusals(as_json, lambda: ()):
+    with refusals(as_json):
         folder = checkout.tests() / "benchmarks"
         known = sorted(file.stem for file in folder.glob("*.py"))
         if unknown := sorted(set(name or ()) - set(known)):
@@ -74,8 +74,7 @@ def bench(
             atomic_file.write(readme, made)
         if failed := [one for one, report in found.items() if "error" in report]:
             raise Refused(_say("failed", names=" ".join(failed)), benchmarks=found)
-        if as_json:
-            print(json.dumps({"ok": True, "short": short, "benchmarks": found}))
+        answered(as_json, short=short, benchmarks=found)
 
 
 def _say(key: str, **values: object) -> str:
@@ -181,7 +180,7 @@ def _draw(found: Mapping[str, Report], folder: Path) -> None:
         drawn.suptitle(name)
         drawn.savefig(folder / f"{name}.png", dpi=120)
         pyplot.close(drawn)
-    tell.print(_say("drawn", folder=folder), markup=False)
+    tell.print(_say("drawn", folder=folder))
 
 
 def _bars(axes: Any, rows: Sequence[Mapping[str, Any]]) -> None:

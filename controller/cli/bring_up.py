@@ -147,7 +147,7 @@ class Session:
         """Shows what is to be done, and asks."""
         if not self.answers.silent:
             for which in ("title", "do", "look"):
-                show.print(in_words(step.text(which)), markup=False, soft_wrap=True)
+                show.print(in_words(step.text(which)), soft_wrap=True)
         if step.name in self.answers.yes:
             return True
         key = "bringup.ask.moves" if step.moves else "bringup.ask.step"
@@ -162,13 +162,13 @@ class Session:
         why = carry_out(step, Site(self.bench, operator, self.protocol, self.part))
         if why is not None:
             self.unfinished[step.name] = why
-            tell.print(in_words(why), markup=False)
+            tell.print(in_words(why))
             return
         done = self.protocol.done[step.name]
         self.bad += [step.name] if done["verdict"] == BAD else []
         if not self.answers.silent:
             for one in (*done["figures"], *done["findings"]):
-                show.print(f"  {in_words(one)}", markup=False, soft_wrap=True)
+                show.print(f"  {in_words(one)}", soft_wrap=True)
 
 
 class AtTerminal:
@@ -189,7 +189,7 @@ class AtTerminal:
             try:
                 return _finite(typed)
             except ValueError:
-                tell.print(console.say("bringup.no_answer", found=typed), markup=False)
+                tell.print(console.say("bringup.no_answer", found=typed))
 
     def confirms(self, question: Message) -> bool:
         if self._step in self._answers.yes:
@@ -213,7 +213,7 @@ class AtTerminal:
 
     @contextlib.contextmanager
     def works(self, request: Message) -> Iterator[Callable[[], bool]]:
-        tell.print(f"{in_words(request)} {console.say('bringup.ask.enter_none')}", markup=False)
+        tell.print(f"{in_words(request)} {console.say('bringup.ask.enter_none')}")
         yield self._enters
 
     @staticmethod
@@ -248,9 +248,9 @@ def _tell(run: Session, as_json: bool) -> None:
         for axis, name, old, new, why in report.proposed(protocol, step):
             key = "bringup.report.propose_spindle" if axis == "spindle" else "bringup.report.propose"
             row = console.say(key, axis=axis, name=name, old=old, new=new, why=why)
-            show.print(row, markup=False, soft_wrap=True)
-    tell.print(in_words(report.summary(protocol, run.steps)), markup=False)
-    tell.print(console.say("bringup.report.written", file=file), markup=False)
+            show.print(row, soft_wrap=True)
+    tell.print(in_words(report.summary(protocol, run.steps)))
+    tell.print(console.say("bringup.report.written", file=file))
 
 
 def _named(names: Sequence[str], steps: Sequence[Step]) -> frozenset[str]:

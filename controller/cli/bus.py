@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -10,11 +9,10 @@ import typer
 
 from controller.machine import machine_file
 from controller.machine.model import Machine
-from controller.machine.toml_table import ConfigError
 from controller.runtime import drive_sheets
 from controller.runtime.bus_load import budgets, overload
 from controller.verify import bus_report
-from controller.verify.console import Refused, in_words, refusals, show
+from controller.verify.console import Refused, answered, in_words, refusals, show
 from drives.load import timeline
 from drives.load.budget import BusBudget
 
@@ -32,7 +30,7 @@ def bus(
 
     Drives that commissioning would refuse by their data sheets are refused here, too.
     """
-    with refusals(as_json, lambda: (ConfigError,)):
+    with refusals(as_json):
         made = machine_file.load(file or machine)
         made = made if period_ms is None else machine_file.with_period(made, period_ms / 1e3)
         found = budgets(made)
@@ -46,8 +44,7 @@ def bus(
         sentences = [in_words(one) for one in (*([over] if over else ()), *drive_sheets.refusal(made))]
         if sentences:
             raise Refused("\n".join(sentences), **facts)
-        if as_json:
-            print(json.dumps({"ok": True, **facts}))
+        answered(as_json, **facts)
 
 
 def _facts(found: list[BusBudget], machine: Machine) -> dict[str, Any]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import re
 from collections.abc import Sequence
@@ -12,15 +11,13 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from controller import messages
 from controller.cli import new_files
 from controller.geometry.vectors import Frame, Vector, add, rotate
 from controller.machine import machine_file
 from controller.machine.model import Machine, Tool
-from controller.machine.toml_table import ConfigError
 from controller.messages import message
 from controller.program import blocks
-from controller.verify.console import Refused, bar, refusals, say, spoken
+from controller.verify.console import Refused, answered, bar, in_words, refusals, say
 
 if TYPE_CHECKING:  # OpenCASCADE takes its time to load, and is an extra
     from controller.cad.deviation import Deviation
@@ -63,7 +60,7 @@ def import_(
     as_json: bool = False,
 ) -> None:
     """Find the ruled faces of a STEP file or CAM lines (--list), and write a program that cuts some."""
-    with refusals(as_json, lambda: (ConfigError,)):
+    with refusals(as_json):
         if only_list == bool(faces):
             raise Refused(say("cli.import.either"))
         for name, value in (("--feed", feed), ("--spindle", spindle), ("--tolerance", tolerance)):
@@ -149,8 +146,7 @@ def _tell(
         facts |= figures
         if wrong:
             raise Refused(wrong, **facts)
-    if as_json:
-        print(json.dumps({"ok": True, **facts}))
+    answered(as_json, **facts)
 
 
 # ---- what is asked for ---------------------------------------------------------------
@@ -221,7 +217,7 @@ def _part(file: Path, placed: Frame) -> Part:
         with kernel.failures():
             return kernel.read(file, placed)
     except kernel.CadError as error:
-        raise Refused(messages.text(error.said, spoken.get())) from error
+        raise Refused(in_words(error.said)) from error
     except kernel.Failure as error:
         raise Refused(say("cli.import.unreadable", file=file, why=error)) from error
 
@@ -313,7 +309,7 @@ def _tool(machine: Machine, number: int, strips: Sequence[Strip]) -> Tool:
         try:
             return fitting(strips, machine)
         except NoTool as error:
-            raise Refused(messages.text(error.said, spoken.get())) from None
+            raise Refused(in_words(error.said)) from None
     found = machine.tool(number)
     if found is None:
         known = ", ".join(f"T{tool.number}" for tool in machine.tools)

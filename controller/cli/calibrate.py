@@ -7,7 +7,6 @@ what was before is kept beside it.
 from __future__ import annotations
 
 import contextlib
-import json
 from collections.abc import Iterator
 from datetime import datetime
 from functools import partial
@@ -17,7 +16,6 @@ from typing import Annotated, Any
 import typer
 from rich.table import Table
 
-from controller import messages
 from controller.calibration import DOFS, MAX_DEG, MAX_MM, machine_edit, spindle_speed
 from controller.calibration.measurements import complete
 from controller.calibration.refusal import Refusal
@@ -28,10 +26,10 @@ from controller.cli.speech import Verbs
 from controller.geometry.vectors import Vector
 from controller.machine import machine_file
 from controller.machine.model import Machine
-from controller.machine.toml_table import ConfigError, read_text
+from controller.machine.toml_table import read_text
 from controller.program import linked
 from controller.verify import console
-from controller.verify.console import Refused, refusals, show, spoken
+from controller.verify.console import Refused, answered, in_words, refusals, show
 
 app = Verbs(no_args_is_help=True)
 
@@ -48,11 +46,11 @@ def say(key: str, **values: object) -> str:
 @contextlib.contextmanager
 def refused(as_json: bool) -> Iterator[None]:
     """What a measurement is refused for, in the language that is spoken."""
-    with refusals(as_json, lambda: (ConfigError,)):
+    with refusals(as_json):
         try:
             yield
         except Refusal as error:
-            raise Refused(messages.text(error.said, spoken.get()), **error.said) from error
+            raise Refused(in_words(error.said), **error.said) from error
 
 
 def written(machine: str, found: Found) -> dict[str, str] | None:
@@ -73,7 +71,7 @@ def drawn(found: Found, plot: Path | None) -> None:
 
 
 def tell_written(told: dict[str, str] | None) -> None:
-    show.print(say("written", **told) if told else say("not_written"), markup=False)
+    show.print(say("written", **told) if told else say("not_written"))
 
 
 def vector(text: str, option: str) -> Vector:
@@ -102,11 +100,9 @@ def rotaries(
         found = measurements.rotaries(_of_table("rotaries", measured, made, values))
         told = found.told
         done = written(machine, found) if write else None
-        if as_json:
-            print(json.dumps({"ok": True, "machine": made.name, **told, "written": done}))
-            return
-        _show_rotaries(told)
-        tell_written(done)
+        if not answered(as_json, machine=made.name, **told, written=done):
+            _show_rotaries(told)
+            tell_written(done)
 
 
 def _of_table(
@@ -121,7 +117,7 @@ def _of_table(
 def _show_rotaries(told: dict[str, Any]) -> None:
     x, y, z = told["sphere_mm"]
     counts = {name: told[name] for name in ("touches", "positions", "scatter_um")}
-    show.print(say("rotaries", **counts, radius_mm=told["sphere_radius_mm"], x=x, y=y, z=z), markup=False)
+    show.print(say("rotaries", **counts, radius_mm=told["sphere_radius_mm"], x=x, y=y, z=z))
     table = Table()
     for head in ("axis", "point", "direction", "moved", "turned", "bound"):
         table.add_column(say(f"head_{head}"), no_wrap=True)
@@ -142,15 +138,15 @@ def _show_rotaries(told: dict[str, Any]) -> None:
         "after": after["max"],
         "after_rms": after["rms"],
     }
-    show.print(say("dispersion", **figures, valuation=told["valuation"]), markup=False)
+    show.print(say("dispersion", **figures, valuation=told["valuation"]))
     for one, other, value in told["correlated"]:
-        show.print(say("correlated", one=one, other=other, value=value), markup=False)
+        show.print(say("correlated", one=one, other=other, value=value))
     if told["unseen"]:
-        show.print(say("unseen", names=", ".join(told["unseen"])), markup=False)
+        show.print(say("unseen", names=", ".join(told["unseen"])))
     if told["doubtful_touches"]:
-        show.print(say("doubtful", rows=", ".join(map(str, told["doubtful_touches"]))), markup=False)
+        show.print(say("doubtful", rows=", ".join(map(str, told["doubtful_touches"]))))
     if told["add_positions_deg"]:
-        show.print(say("add", places=_places(told["add_positions_deg"])), markup=False)
+        show.print(say("add", places=_places(told["add_positions_deg"])))
 
 
 def _places(rows: list[dict[str, float]]) -> str:
@@ -178,12 +174,11 @@ def positions_to_probe(
             **{"sphere_radius": sphere_radius, "length": length, "ball_radius": ball_radius, "count": count},
         }
         told = measurements.to_probe(Asked(made, complete("positions", values))).told
-        if as_json:
-            print(json.dumps({"ok": True, **told}))
+        if answered(as_json, **told):
             return
-        show.print(_places(told["positions_deg"]), markup=False)
+        show.print(_places(told["positions_deg"]))
         for name, bound in told["bounds"].items():
-            show.print(say("would_leave", axis=name, **bound), markup=False)
+            show.print(say("would_leave", axis=name, **bound))
 
 
 @app.command(name="axis")
@@ -202,11 +197,11 @@ def axis_by_iso_230_2(
         told = found.told
         drawn(found, plot)
         done = written(machine, found) if write else None
-        if as_json:
-            print(json.dumps({"ok": True, **told, "written": done}))
-            return
-        show.print(_figures(told, ("reversal", "repeatability", "systematic", "mean_deviation", "accuracy")))
-        tell_written(done)
+        if not answered(as_json, **told, written=done):
+            show.print(
+                _figures(told, ("reversal", "repeatability", "systematic", "mean_deviation", "accuracy"))
+            )
+            tell_written(done)
 
 
 @app.command(name="spindle")
@@ -221,11 +216,9 @@ def spindle_by_tachometer(
             machine_edit.inverter, zero_counts=fitted.zero_counts, full_rev_min=fitted.full_rev_min
         )
         done = written(machine, Found(fitted.figures, edit)) if write else None
-        if as_json:
-            print(json.dumps({"ok": True, **fitted.figures, "written": done}))
-            return
-        show.print(say("spindle", **fitted.figures), markup=False)
-        tell_written(done)
+        if not answered(as_json, **fitted.figures, written=done):
+            show.print(say("spindle", **fitted.figures))
+            tell_written(done)
 
 
 def _figures(told: dict[str, Any], names: tuple[str, ...]) -> Table:
@@ -252,15 +245,14 @@ def circle_by_iso_230_4(
         found = measurements.circle(Asked(made, {"axes": axes}, recording=recorded))
         told = found.told
         drawn(found, plot)
-        if as_json:
-            print(json.dumps({"ok": True, **told}))
+        if answered(as_json, **told):
             return
         for name in ("counter_clockwise", "clockwise"):
             if name in told:
-                show.print(say(f"circle_{name}", radius_mm=told["radius_mm"], **told[name]), markup=False)
+                show.print(say(f"circle_{name}", radius_mm=told["radius_mm"], **told[name]))
         if "H_um" in told:
             both = {name: told[name] for name in ("G_bidirectional_um", "H_um")}
-            show.print(say("circle_both", **both), markup=False)
+            show.print(say("circle_both", **both))
 
 
 @app.command(name="tip")
@@ -277,13 +269,12 @@ def tip_by_iso_10791_6(
         found = measurements.tip(Asked(made, complete("tip", {"length": length}), recording=recorded))
         told = found.told
         drawn(found, plot)
-        if as_json:
-            print(json.dumps({"ok": True, **told}))
+        if answered(as_json, **told):
             return
         for row in told["lines"]:
             x, y, z = row["range_um"]
             figures = {"x_um": x, "y_um": y, "z_um": z, "largest_um": row["largest_um"]}
-            show.print(say("tip", line=row["line"], **figures), markup=False)
+            show.print(say("tip", line=row["line"], **figures))
 
 
 @app.command()
@@ -300,11 +291,10 @@ def thermal(
         found = measurements.thermal(_of_table("thermal", measured, made, {"offset": offset}))
         told = found.told
         done = written(machine, found) if write else None
-        if as_json:
-            print(json.dumps({"ok": True, **told, "written": done}))
+        if answered(as_json, **told, written=done):
             return
         x, y, z = told["shift_mm"]
-        show.print(say("thermal", x=x, y=y, z=z, rms=told["after_um"]["rms"]), markup=False)
+        show.print(say("thermal", x=x, y=y, z=z, rms=told["after_um"]["rms"]))
         show.print(_touches(told["touches"]))
         tell_written(done)
 
@@ -331,15 +321,12 @@ def part(
         if send:
             with remote.connected(url, remote.known_token()) as at, at.control():
                 at.put(f"offsets/{offset}", measurements.offset_of(told))
-        if as_json:
-            print(json.dumps({"ok": True, **told, "written": done, "sent": send}))
+        if answered(as_json, **told, written=done, sent=send):
             return
         x, y, z = told["origin_mm"]
         a, b, c = told["turned_deg"]
-        show.print(say("part", offset=offset, x=x, y=y, z=z, a=a, b=b, c=c), markup=False)
-        show.print(
-            say("part_fits", before=told["before_um"]["rms"], after=told["after_um"]["rms"]), markup=False
-        )
+        show.print(say("part", offset=offset, x=x, y=y, z=z, a=a, b=b, c=c))
+        show.print(say("part_fits", before=told["before_um"]["rms"], after=told["after_um"]["rms"]))
         show.print(_touches(told["touches"]))
         tell_written(done)
 
@@ -356,11 +343,10 @@ def inspect(
     with refused(as_json):
         made = machine_file.load(machine)
         told = measurements.inspect(_of_table("inspect", measured, made, {"offset": offset}, program)).told
-        if as_json:
-            print(json.dumps({"ok": True, **told}))
+        if answered(as_json, **told):
             return
         figures = told["after_um"]
-        show.print(say("inspected", **figures), markup=False)
+        show.print(say("inspected", **figures))
         show.print(_touches(told["touches"], with_plan=True))
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from typing import Annotated, Any
 
 import typer
@@ -10,7 +9,7 @@ import typer
 from controller.cli import remote
 from controller.cli.client import Url, connected, tell_done
 from controller.cli.speech import Verbs, say
-from controller.verify.console import Refused, show
+from controller.verify.console import Refused, answered, show
 
 app = Verbs()
 
@@ -22,11 +21,9 @@ def shown(context: typer.Context, url: Url = remote.URL, as_json: bool = False) 
         return
     with connected(url, as_json) as machine:
         facts = machine.get("changer")
-        if as_json:
-            print(json.dumps({"ok": True, **facts}))
-        else:
+        if not answered(as_json, **facts):
             for line in lines(facts):
-                show.print(line, markup=False)
+                show.print(line)
 
 
 @app.command()

@@ -9,7 +9,6 @@ gives it back; hold, stop and e-stop need none, so that nobody can be in their w
 from __future__ import annotations
 
 import contextlib
-import json
 import secrets
 import time
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -20,7 +19,7 @@ import typer
 from controller.cli import remote, waiting
 from controller.cli.remote import Machine
 from controller.cli.speech import say
-from controller.verify.console import Refused, agreed, refusals, show, tell
+from controller.verify.console import Refused, agreed, answered, refusals, show, tell
 
 Url = Annotated[str, typer.Option("--url", envvar="DIRECTRIX_URL")]
 TakeOver = Annotated[bool, typer.Option("--take-over")]
@@ -35,7 +34,7 @@ LONGEST_JOG_S = 600.0
 @contextlib.contextmanager
 def connected(url: str, as_json: bool) -> Iterator[Machine]:
     """The machine behind ``url``; what it refuses becomes one sentence and exit code 1."""
-    with refusals(as_json, tuple), remote.connected(url, remote.known_token()) as machine:
+    with refusals(as_json), remote.connected(url, remote.known_token()) as machine:
         yield machine
 
 
@@ -57,10 +56,8 @@ def carried_out(machine: Machine, path: str, values: Mapping[str, Any] | None = 
 
 def tell_done(sentence: str, facts: Any, as_json: bool) -> None:
     """One line, or what was answered."""
-    if as_json:
-        print(json.dumps({"ok": True, **(facts if isinstance(facts, dict) else {"result": facts})}))
-    else:
-        show.print(sentence, markup=False)
+    if not answered(as_json, **(facts if isinstance(facts, dict) else {"result": facts})):
+        show.print(sentence)
 
 
 def named(typed: Sequence[str] | None, words: Collection[str] = ()) -> dict[str, str | float]:
@@ -150,7 +147,7 @@ def _interrupted(machine: Machine, program: str) -> dict[str, Any]:
 def _agreed(loaded: Any, line: int) -> None:
     """A start in mid program shows the state that it begins with, and asks."""
     for one in (loaded.get("result") or {}).get("restart") or ():
-        tell.print(one["sentence"], markup=False)
+        tell.print(one["sentence"])
     if not agreed(say("agree", line=line)):
         raise Refused(say("not_agreed"))
 

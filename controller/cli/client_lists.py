@@ -21,7 +21,7 @@ from controller.cli import remote, status_view
 from controller.cli.client import Url, connected, tell_done
 from controller.cli.remote import Machine
 from controller.cli.speech import say
-from controller.verify.console import Refused, bar, show, tell, word
+from controller.verify.console import Refused, answered, bar, show, tell, word
 
 Most = Annotated[int, typer.Option("--most", min=1, max=200)]
 
@@ -183,11 +183,10 @@ def runs(
                 tell_done(say(key, number=number), done, as_json)
                 return
         found = machine.get("runs", most=most)["runs"]
-        if as_json:
-            print(json.dumps({"ok": True, "runs": found}))
+        if answered(as_json, runs=found):
             return
         for line in _runs(found) if found else (say("no_runs"),):
-            show.print(line, markup=False, soft_wrap=True)
+            show.print(line, soft_wrap=True)
 
 
 def _runs(found: list[dict[str, Any]]) -> Iterator[str]:
@@ -220,8 +219,7 @@ def alarms(
             tell_done(say("acknowledged", number=acknowledge), done, as_json)
             return
         found = machine.get("alarms", most=most)["alarms"]
-        if as_json:
-            print(json.dumps({"ok": True, "alarms": found}))
+        if answered(as_json, alarms=found):
             return
         for alarm in found:
             tell_done(_alarm(alarm), None, False)

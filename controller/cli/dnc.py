@@ -11,7 +11,6 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from controller import messages
 from controller.api import dnc
 from controller.api.dnc import LineError, LineSettings
 from controller.api.dnc_format import Tape, TapeError, punched
@@ -19,7 +18,7 @@ from controller.api.store import Program, Store, StoreError
 from controller.cli.speech import Verbs
 from controller.ipc import control_socket
 from controller.messages import Message, message
-from controller.verify.console import Refused, bar, refusals, say, spoken, tell
+from controller.verify.console import Refused, bar, in_words, refusals, say, tell
 
 app = Verbs(
     add_completion=False,
@@ -64,7 +63,7 @@ def receive(
             except (TapeError, StoreError) as error:
                 if not forever or isinstance(error, LineError):
                     raise
-                tell.print(messages.text(error.said, spoken.get()), markup=False)
+                tell.print(in_words(error.said))
             if not forever:
                 return
 
@@ -136,7 +135,7 @@ def send(
         try:
             tape = punched(text, settings.even_parity, LINE_ENDS[line_end], with_sum=checksum)
         except TapeError as error:
-            raise Refused(f"{program}: {messages.text(error.said, spoken.get())}") from error
+            raise Refused(f"{program}: {in_words(error.said)}") from error
         with bar(say("cli.dnc.sending", port=port), as_json) as progress, dnc.opened(settings) as line:
             dnc.send(line, tape, lambda count: progress(count / len(tape)), await_start)
         _say({"program": program, "bytes": len(tape)}, "cli.dnc.sent", as_json)
@@ -150,7 +149,7 @@ def _of_store(name: str, state: Path | None) -> bytes:
 def _say(
     told: Program | dict[str, Any], done: str, as_json: bool, left_out: Collection[Message] = ()
 ) -> None:
-    sentences = [messages.text(one, spoken.get()) for one in left_out]
+    sentences = [in_words(one) for one in left_out]
     facts = (
         {"program": told.name, "bytes": told.size, "lines": told.lines, "sha256": told.sha256}
         if isinstance(told, Program)
@@ -160,6 +159,6 @@ def _say(
         more = {"left_out": sentences} if sentences else {}
         print(json.dumps({"ok": True, **facts, **more}), flush=True)
         return
-    tell.print(say(done, program=facts["program"], bytes=facts["bytes"]), markup=False)
+    tell.print(say(done, program=facts["program"], bytes=facts["bytes"]))
     for sentence in sentences:
-        tell.print(f"{facts['program']}: {sentence}", markup=False)
+        tell.print(f"{facts['program']}: {sentence}")

@@ -59,7 +59,7 @@ def profile(
             facts = {"eds": str(eds), "file": str(output or ""), "text": text, "remarks": remarks}
             print(json.dumps({"ok": True, **facts}))
         elif output:
-            show.print(say("cli.profile.written", file=output, name=eds.name), markup=False, soft_wrap=True)
+            show.print(say("cli.profile.written", file=output, name=eds.name), soft_wrap=True)
         else:
             print(text, end="")
 

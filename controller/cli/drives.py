@@ -24,7 +24,7 @@ from controller.ipc import control_socket
 from controller.machine import arrangement, drive_profiles, nodes
 from controller.machine.model import Machine
 from controller.messages import Message, is_message, message
-from controller.verify.console import Refused, Undecided, in_words, refusals, say, show, tell
+from controller.verify.console import Refused, Undecided, answered, in_words, refusals, say, show, tell
 from drives import commission as commissioning
 from drives.commissioning import identity, lss, possible, sheet, survey, twins
 from drives.commissioning.wanted import Settings
@@ -61,7 +61,7 @@ def check(
         facts = {"eds": str(eds), "profile": family.name, "period_s": period_s, "remarks": remarks}
         if not as_json:
             for remark in remarks:
-                tell.print(f"{eds.name}: {remark}", markup=False)
+                tell.print(f"{eds.name}: {remark}")
         if found:
             raise Refused(
                 "\n".join(f"{eds.name}: {sentence}." for sentence in found), **facts, problems=found
@@ -70,11 +70,9 @@ def check(
             heading = say("cli.drives.undecided", name=eds.name)
             sentences = [f"{eds.name}: {sentence}." for sentence in open_still]
             raise Undecided("\n".join((heading, *sentences)), **facts, problems=[], undecided=open_still)
-        if as_json:
-            print(json.dumps({"ok": True, **facts, "problems": []}))
-        else:
+        if not answered(as_json, **facts, problems=[]):
             title = say("cli.drives.sheet_does", name=eds.name, profile=family.name, period=period_s * 1000.0)
-            show.print(title, markup=False)
+            show.print(title)
 
 
 def _period_s(period_ms: float) -> float:
@@ -116,15 +114,15 @@ def commission(
             print(json.dumps({"ok": True, "machine": made.name, "lss": given, "drives": rows}))
         else:
             if given:
-                show.print(say("cli.drives.node_set", set_node=set_node, node=given["node"]), markup=False)
+                show.print(say("cli.drives.node_set", set_node=set_node, node=given["node"]))
             for outcome in outcomes:
                 for warning in outcome.warnings:
                     sentence = say("sentence", text=commissioning.of_drive(outcome, warning))
-                    tell.print(sentence, markup=False)
+                    tell.print(sentence)
             show.print(drive_tables.outcomes(outcomes))
         for one in found:
             for note in one.notes if not as_json else ():
-                tell.print(in_words(note), markup=False)
+                tell.print(in_words(note))
 
 
 def _in_words(tree: Any) -> Any:
@@ -142,7 +140,7 @@ def _keep(machine: Machine, found: Sequence[commissioning.Arranged]) -> None:
     try:
         arrangement.save(folder, machine, found)
     except OSError as error:
-        tell.print(say("cli.drives.not_kept", folder=folder, why=error), markup=False)
+        tell.print(say("cli.drives.not_kept", folder=folder, why=error))
 
 
 def _set_node(joined: Sequence[Joined], name: str, store: bool) -> dict[str, Any]:
@@ -199,8 +197,7 @@ def scan(machine: str = "trunnion", bus: str = "", channel: str = "", as_json: b
             sentences.append(say("cli.drives.silent", names=", ".join(missing)))
         if sentences:
             raise Refused("\n".join(sentences), **facts)
-        if as_json:
-            print(json.dumps({"ok": True, **facts}))
+        answered(as_json, **facts)
 
 
 def _twins(joined: Joined, found: Sequence[survey.Found]) -> Iterator[Message]:
@@ -242,9 +239,7 @@ def status(
         with drive_buses.joined(made, bus, channel, drive) as joined:
             for each in joined:
                 found += survey.status(each.network, each.nodes)
-        if as_json:
-            print(json.dumps({"ok": True, "machine": made.name, "drives": [asdict(one) for one in found]}))
-        else:
+        if not answered(as_json, machine=made.name, drives=[asdict(one) for one in found]):
             show.print(drive_tables.status(found))
 
 
@@ -263,9 +258,7 @@ def dump(
             entries = [
                 entry for each in joined for node in each.nodes for entry in survey.dump(each.network, node)
             ]
-        if as_json:
-            print(json.dumps({"ok": True, "drive": drive, "objects": [_entry(entry) for entry in entries]}))
-        else:
+        if not answered(as_json, drive=drive, objects=[_entry(entry) for entry in entries]):
             show.print(drive_tables.dump(entries))
 
 

@@ -9,7 +9,6 @@ from typing import Literal
 
 from controller.cli import fitted as fittings
 from controller.machine import machine_file
-from controller.machine.toml_table import ConfigError
 from controller.plan.report import explained
 from controller.plan.report.explained import Step
 from controller.program import blocks, linked, position
@@ -28,7 +27,7 @@ def explain(
 
     Positions are those at the end of each, from the homed position on: of the program, then of the axes.
     """
-    with refusals(as_json, lambda: (ConfigError, OSError)):
+    with refusals(as_json):
         made = fittings.laid(machine_file.load(machine), fitted)
         made = replace(made, dialect=dialect) if dialect else made
         if not program.is_file():

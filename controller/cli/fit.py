@@ -13,7 +13,6 @@ from controller.cli import workers
 from controller.geometry.defects import DefectKind, defect
 from controller.machine import machine_file
 from controller.machine.model import Machine
-from controller.machine.toml_table import ConfigError
 from controller.plan.surfaces.cuts import described, surface_of
 from controller.program import blocks, linked
 from controller.program.program import CutCone, CutNurbs, CutRuled
@@ -36,7 +35,7 @@ def fit(
 
     As check and verify judge its cut with its leads, alone: they see its neighbours, too.
     """
-    with refusals(as_json, lambda: (ConfigError,)):
+    with refusals(as_json):
         made = machine_file.load(machine)
         if not MIN_MM <= tolerance <= MAX_MM:
             raise Refused(say("table.no_tolerance", tolerance=tolerance, least=MIN_MM, most=MAX_MM))
@@ -65,7 +64,7 @@ def fit(
         show.print(_table(found, tolerance))
         for one, row in ((one, row) for one, best in found for row in best if row.why):
             cutter = say(f"table.cutter.{row.kind}")
-            show.print(say("table.no_cutter", line=one.line, cutter=cutter, why=row.why), markup=False)
+            show.print(say("table.no_cutter", line=one.line, cutter=cutter, why=row.why))
 
 
 def _surfaces(program: Path, machine: Machine) -> Iterator[fits.Asked]:

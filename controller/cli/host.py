@@ -23,7 +23,7 @@ from controller.machine import machine_file
 from controller.machine.model import Machine
 from controller.machine.toml_table import ConfigError
 from controller.runtime import wake_ups
-from controller.verify.console import Misunderstood, bar, refusals, say, show, spoken, tell
+from controller.verify.console import Misunderstood, bar, in_words, refusals, say, show, tell
 from drives import bus
 from drives.bus import BusError
 
@@ -47,7 +47,7 @@ def check(root: Path = Path("/"), as_json: bool = False) -> None:
         print(json.dumps({"ok": not failed, "failed": len(failed), "hints": hints, "lines": told}))
     else:
         for row in (row for one in lines for row in host_lines.text_rows(one)):
-            show.print(row, markup=False, soft_wrap=True)
+            show.print(row, soft_wrap=True)
         tell.print(_summed(lines, len(failed)))
     if failed:
         raise typer.Exit(1)
@@ -74,7 +74,7 @@ def measure(
     Wake-ups, SYNC and cyclictest take turns on the same core. Beside a running machine its own SYNCs are
     heard, and nothing is sent. Exit code 1 when the period is not held.
     """
-    with refusals(as_json, lambda: ()):
+    with refusals(as_json):
         lasts_s = _lasts_s(hours, seconds)
         if not os.access(report.absolute().parent, os.W_OK):
             raise Misunderstood(_say("no_folder", folder=report.absolute().parent))
@@ -84,7 +84,7 @@ def measure(
             made = made if period_ms is None else machine_file.with_period(made, period_ms / 1e3)
             found = _measured(made, host, lasts_s, send_sync, state, as_json)
         except (ConfigError, BusError) as error:
-            raise Misunderstood(messages.text(messages.of_error(error), spoken.get())) from error
+            raise Misunderstood(in_words(messages.of_error(error))) from error
         lines = host_findings.look(host)
         atomic_file.write(report, host_report.page(found, lines, host))
         _tell(found, report, as_json)
@@ -143,10 +143,10 @@ def _tell(found: Measured, report: Path, as_json: bool) -> None:
     for kind, name, counts in found.rows():
         figures: dict[str, Any] = host_measure.figures(counts, found.limit_s)
         values = {key.replace(".", "_"): value for key, value in figures.items()}
-        show.print(host_report.name_of(kind, name), markup=False)
-        show.print(f"  {_say('figures', **values)}", markup=False, soft_wrap=True)
-    tell.print(host_report.verdict(found), markup=False)
-    tell.print(_say("written", file=report), markup=False)
+        show.print(host_report.name_of(kind, name))
+        show.print(f"  {_say('figures', **values)}", soft_wrap=True)
+    tell.print(host_report.verdict(found))
+    tell.print(_say("written", file=report))
 
 
 def _say(key: str, **values: object) -> str:

@@ -18,7 +18,7 @@ from controller.cli.speech import Verbs
 from controller.machine import machine_file
 from controller.machine.named_files import PROFILES, SHEETS
 from controller.machine.toml_table import ConfigError, read_text
-from controller.verify.console import Refused, refusals, say, show
+from controller.verify.console import Refused, answered, refusals, say, show
 
 app = Verbs(add_completion=False, no_args_is_help=True)
 
@@ -46,11 +46,10 @@ def pack(
         text = sealed(machine_file.alone(made))
         atomic_file.write(output, text)
         files = [name for name, _ in _files(text)]
-        if as_json:
-            print(json.dumps({"ok": True, "machine": made.name, "file": str(output), "files": files}))
+        if answered(as_json, machine=made.name, file=str(output), files=files):
             return
         facts = {"name": made.name, "file": output, "files": ", ".join(files) or say("cli.nothing")}
-        show.print(say("cli.machine.packed", **facts), markup=False, soft_wrap=True)
+        show.print(say("cli.machine.packed", **facts), soft_wrap=True)
 
 
 @app.command()
@@ -80,7 +79,7 @@ def unpack(
             print(json.dumps({"ok": True, **facts}))
             return
         row = say("cli.machine.unpacked", name=made.name, folder=folder, files=", ".join(files))
-        show.print(row, markup=False, soft_wrap=True)
+        show.print(row, soft_wrap=True)
 
 
 @app.command()
@@ -99,9 +98,9 @@ def diff(
             found = [{"key": place, "old": was, "new": now} for place, was, now in changes]
             print(json.dumps({"ok": not found, "differences": found}))
         for place, was, now in () if as_json else changes:
-            show.print(f"{place}: {_shown(was)} -> {_shown(now)}", markup=False, soft_wrap=True)
+            show.print(f"{place}: {_shown(was)} -> {_shown(now)}", soft_wrap=True)
         if not changes and not as_json:
-            show.print(say("cli.machine.same"), markup=False)
+            show.print(say("cli.machine.same"))
         if changes:
             raise typer.Exit(1)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from typing import Annotated, Any
 
 import typer
@@ -11,7 +10,7 @@ from rich.table import Table
 from controller.cli import remote
 from controller.cli.client import Url, connected
 from controller.cli.speech import say
-from controller.verify.console import show, word
+from controller.verify.console import answered, show, word
 
 
 def maintenance(
@@ -31,9 +30,7 @@ def maintenance(
         if done:
             machine.post("usage/maintenance/done", {"name": name})
         told = machine.get("usage")
-        if as_json:
-            print(json.dumps({"ok": True, "items": told["items"], "counters": told["counters"]}))
-        else:
+        if not answered(as_json, items=told["items"], counters=told["counters"]):
             show.print(table(told))
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Any
 from urllib.parse import quote
@@ -12,7 +11,7 @@ from rich.table import Table
 
 from controller.cli import remote, speech
 from controller.cli.client import Url, connected, named
-from controller.verify.console import Refused, say, show
+from controller.verify.console import Refused, answered, say, show
 
 EVERY = Mapping[str, str | float]
 
@@ -49,9 +48,7 @@ def offsets(
             with machine.control(take_over):
                 machine.delete(f"offsets/{quote(forget, safe='')}")
         found = machine.get("offsets")
-        if as_json:
-            print(json.dumps({"ok": True, **found}))
-        else:
+        if not answered(as_json, **found):
             show.print(table(found))
 
 

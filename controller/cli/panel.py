@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from controller import journald, messages
+from controller import journald
 from controller.ipc import control_socket
 from controller.runtime import cores
-from controller.verify.console import Refused, refusals, say, spoken, tell
+from controller.verify.console import Refused, in_words, refusals, say, tell
 
 if TYPE_CHECKING:
     from controller.api.store import Store
@@ -48,14 +48,12 @@ def panel(
             if file is not None and not file.is_file():
                 raise Refused(say("cli.panel.no_certificate", file=file))
         if (lost := store.users.lost) is not None:
-            tell.print(messages.text(lost, spoken.get()), markup=False)
+            tell.print(in_words(lost))
             store.report(lost)
         socket = control_socket.control_path(runtime or control_socket.runtime_folder())
         cores.leave()
         connections = Connections(Limits.within(raise_file_limit()))
-        tell.print(
-            say("cli.panel.serves", host=host, port=port, socket=socket, folder=store.folder), markup=False
-        )
+        tell.print(say("cli.panel.serves", host=host, port=port, socket=socket, folder=store.folder))
         connections.serve(
             _app(store, socket, page, anybody_stops, tls_certificate is not None),
             host=host,

@@ -15,10 +15,9 @@ from typing import TYPE_CHECKING, Literal
 import typer
 from rich.table import Table
 
-from controller import messages
 from controller.cli.speech import Verbs
 from controller.ipc import control_socket
-from controller.verify.console import Refused, refusals, say, show, spoken
+from controller.verify.console import Refused, in_words, refusals, say, show
 
 if TYPE_CHECKING:
     from controller.api.store import Store
@@ -76,7 +75,7 @@ def remove_user(name: str, state: Path | None = None) -> None:
     """Remove a user; without any, only this computer is answered again."""
     with refusals(False, expected):
         store_in(state or control_socket.state_folder()).users.remove(name)
-        show.print(say("cli.users.removed", name=name), markup=False)
+        show.print(say("cli.users.removed", name=name))
 
 
 @tokens.command("add")
@@ -116,7 +115,7 @@ def remove_token(name: str, state: Path | None = None) -> None:
     """Its script is refused from now on."""
     with refusals(False, expected):
         store_in(state or control_socket.state_folder()).users.remove_token(name)
-        show.print(say("cli.users.removed", name=name), markup=False)
+        show.print(say("cli.users.removed", name=name))
 
 
 def _until(expires_s: float | None) -> str:
@@ -138,7 +137,7 @@ def _password(name: str) -> str:
     else:
         password = sys.stdin.readline().rstrip("\r\n")
     if (why := passwords.check(password, [name])) is not None:
-        raise Refused(messages.text(why, spoken.get()))
+        raise Refused(in_words(why))
     return password
 
 

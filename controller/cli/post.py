@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -17,7 +16,6 @@ from controller.cli import new_files
 from controller.geometry.arrays import Array
 from controller.machine import machine_file
 from controller.machine.model import Tool
-from controller.machine.toml_table import ConfigError
 from controller.motion.motions import SurfaceCut
 from controller.plan.report import survey
 from controller.plan.segment import PathItem
@@ -28,7 +26,7 @@ from controller.program.program import CutBlock
 from controller.runtime import checked
 from controller.verify import passes, tables
 from controller.verify.audit import Watched
-from controller.verify.console import Refused, bar, refusals, say, show
+from controller.verify.console import Refused, answered, bar, refusals, say, show
 from controller.verify.judge import Zone, judge
 from controller.verify.nominal import Nominal
 from controller.verify.sweep import Pass
@@ -68,7 +66,7 @@ def post_(
     as_json: bool = False,
 ) -> None:
     """Write a program as five-axis G1 lines within a chord tolerance, and compare the two."""
-    with refusals(as_json, lambda: (ConfigError,)):
+    with refusals(as_json):
         if not 0.0 < chord < math.inf:
             raise Refused(say("cli.not_above_0", name="--chord", value=chord))
         if not program.is_file():
@@ -84,10 +82,8 @@ def post_(
             rows, texts = _compared(task, files, chord, exact, progress)
         for file, text in texts.items():
             atomic_file.write(file, text)
-        if as_json:
-            print(json.dumps({"ok": True, "chord_mm": chord, "rows": [row.to_dict() for row in rows]}))
-            return
-        show.print(_table(program, chord, exact, rows))
+        if not answered(as_json, chord_mm=chord, rows=[row.to_dict() for row in rows]):
+            show.print(_table(program, chord, exact, rows))
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import sys
 import time
 from collections.abc import Sequence
@@ -38,8 +37,10 @@ from controller.verify import tables, wording
 from controller.verify.console import (
     AS_ASKED,
     Refused,
+    answered,
     bar,
     ended_as_requested,
+    in_words,
     refusals,
     say,
     show,
@@ -97,7 +98,7 @@ def _notes(notes: Sequence[Note], machine: Machine) -> dict[str, Any]:
 
 def _budget_or_refuse(machine: Machine) -> None:
     if why := overload(machine):
-        raise Refused(messages.text(why, spoken.get()))
+        raise Refused(in_words(why))
 
 
 def _read(file: Path, machine: Machine) -> bytes:
@@ -130,7 +131,7 @@ def _stored_check(task: checked.Task, store: Path | None, as_json: bool) -> stor
     """The stored check of what is to be run, if there is a sound one."""
     kept, warning = checked.find(task, store or stored.folder())
     if warning and not as_json:
-        tell.print(messages.text(messages.plain(warning), spoken.get()), markup=False)
+        tell.print(in_words(messages.plain(warning)))
     return kept
 
 
@@ -190,7 +191,7 @@ def check(
                 return
             if report is not None:
                 told = messages.message("folder.report_alone", program=program)
-                raise Refused(messages.text(told, spoken.get()))
+                raise Refused(in_words(told))
             task = _task(program, made, block_delete)
             picture = Picture(made, task.kinematics) if plot is not None else None
             try:
@@ -268,7 +269,7 @@ def _show_check(program: Path, task: checked.Task, done: _Check, fitted: Path | 
     """Tables; what the data sheets say was told before."""
     survey, kept = done.survey, done.kept
     if names := fittings.names(fitted):
-        tell.print(fittings.sentence(names), markup=False)
+        tell.print(fittings.sentence(names))
     _show_notes(kept.notes, task)
     if done.rows.longest:
         show.print(tables.blocks(done.rows))
@@ -279,11 +280,11 @@ def _show_check(program: Path, task: checked.Task, done: _Check, fitted: Path | 
     if survey.joints:
         show.print(tables.joints(survey))
     if done.warning:
-        tell.print(messages.text(messages.plain(done.warning), spoken.get()), markup=False)
-    show.print(tables.whole(survey, program.name, task.machine.name), markup=False)
+        tell.print(in_words(messages.plain(done.warning)))
+    show.print(tables.whole(survey, program.name, task.machine.name))
     if kept.overcuts:
-        form = messages.text(wording.summed(kept.verdicts), spoken.get())
-        show.print(form or tables.overcut(kept.overcuts), markup=False)
+        form = in_words(wording.summed(kept.verdicts))
+        show.print(form or tables.overcut(kept.overcuts))
 
 
 def _checked(
@@ -325,10 +326,10 @@ def _refuse_all(first: ProgramError, task: checked.Task, quiet: bool) -> NoRetur
 
 def _show_notes(notes: Sequence[Note], task: checked.Task) -> None:
     for sentence in machine_check.warnings(task.machine):
-        tell.print(sentence, markup=False)
+        tell.print(sentence)
     for note in notes:
-        sentence = messages.text(note.said, spoken.get())
-        tell.print(f"{task.name}:{note.place.line}:{note.place.column}: {sentence}", markup=False)
+        sentence = in_words(note.said)
+        tell.print(f"{task.name}:{note.place.line}:{note.place.column}: {sentence}")
 
 
 # --- simulate ------------------------------------------------------------------
@@ -392,11 +393,11 @@ def simulate(
             **under.facts(),
         }
         for excess in () if as_json else watch.excesses:
-            tell.print(messages.text(excess.sentence(task.machine), spoken.get()), markup=False)
+            tell.print(in_words(excess.sentence(task.machine)))
         for axis, count in () if as_json else counts.items():
             for kind in ("missed", "overdue"):
                 if count[kind]:
-                    tell.print(say("setpoints." + kind, axis=axis, number=count[kind]), markup=False)
+                    tell.print(say("setpoints." + kind, axis=axis, number=count[kind]))
         if script is not None and not as_json:
             fault_runs.show(figures["faults"])
         _end_run(run, bench.planner.error, record, under, figures, as_json)
@@ -506,14 +507,14 @@ def _end_run(
     if refusal is not None:
         why = refused_on_the_way(refusal.placed)
         place = {"line": refusal.line, "column": refusal.column}
-        raise Refused(messages.text(why, spoken.get()), **figures, **place)
+        raise Refused(in_words(why), **figures, **place)
     if run.result in AS_ASKED:
         raise ended_as_requested(run.result, **figures, line=run.line)
     if run.result != "completed":
         why = messages.several(
             messages.message("ended.stuck", line=run.line), queue_refusals.refusal_message(run.refusal)
         )
-        raise Refused(messages.text(why, spoken.get()), **figures, line=run.line)
+        raise Refused(in_words(why), **figures, line=run.line)
     _end("table.simulated", figures, as_json)
 
 
@@ -548,9 +549,7 @@ def _run_figures(
 
 
 def _end(title: str, figures: dict[str, Any], as_json: bool) -> None:
-    if as_json:
-        print(json.dumps({"ok": True, **figures}))
-    else:
+    if not answered(as_json, **figures):
         show.print(tables.figures(title, figures))
 
 
@@ -643,7 +642,7 @@ def _demo(part: str, out: Path, made: Machine, store: Path | None, unchecked: bo
         )
     _end("table.live", figures, as_json)
     if not as_json:
-        show.print(f"Picture: {picture}   Trace: {trace_file}", markup=False)
+        show.print(f"Picture: {picture}   Trace: {trace_file}")
 
 
 # --- paper ---------------------------------------------------------------------
@@ -657,7 +656,5 @@ def paper(as_json: bool = False) -> None:
     with _refusals(as_json):
         with bar(say("cli.bar.computing"), as_json) as progress:
             comparison = comparisons.compare(machine_file.load("trunnion"), progress)
-        if as_json:
-            print(json.dumps({"ok": True, **comparison.to_dict()}))
-        else:
+        if not answered(as_json, **comparison.to_dict()):
             tables.paper(comparison, show.console)

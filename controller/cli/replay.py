@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -16,6 +15,7 @@ from controller.state.record_files import RUNS
 from controller.verify.console import (
     AS_ASKED,
     Refused,
+    answered,
     bar,
     ended_as_requested,
     refusals,
@@ -57,10 +57,8 @@ def replay(
         figures = {"run": folder.name, **_made_again(record, trace_file, as_json)}
         if figures["result"] in AS_ASKED:
             raise ended_as_requested(figures["result"], in_words(figures), **figures)
-        if as_json:
-            print(json.dumps({"ok": True, **figures}))
-        else:
-            show.print(in_words(figures), markup=False)
+        if not answered(as_json, **figures):
+            show.print(in_words(figures))
 
 
 def folder_of(run: str, state: Path | None) -> Path:
@@ -101,7 +99,7 @@ def _made_again(record: RecordedRun, trace_file: Path | None, as_json: bool) -> 
     memory.collect_rarely()
     task = checked.task(record.text, record.name, record.machine)
     if not as_json:
-        tell.print(say("cli.replay.title", name=record.name, machine=record.machine.name), markup=False)
+        tell.print(say("cli.replay.title", name=record.name, machine=record.machine.name))
     with bar(say("cli.bar.replaying"), as_json) as progress:
         bench, run = record.repeat(task, progress, keep=trace_file is not None)
     positions = record.positions() if trace_file is not None else None

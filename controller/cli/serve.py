@@ -46,13 +46,13 @@ def serve(
         # Simulated drives take no harm from a computer that is busy with other work.
         made = replace(made, late=late or ("count" if simulate else made.late))
         for sentence in machine_check.warnings(made):
-            tell.print(sentence, markup=False)
+            tell.print(sentence)
         if part is not None:
             _see_part(part, made, simulate)
         hand = None if pendant is None else read(pendant, tuple(axis.name for axis in made.axes))
         where = (state or control_socket.state_folder(), runtime or control_socket.runtime_folder())
         key = "cli.serve.simulated" if simulate else "cli.serve.serves"
-        tell.print(say(key, machine=made.name, folder=where[1]), markup=False)
+        tell.print(say(key, machine=made.name, folder=where[1]))
         try:
             main.run(made, *where, simulate, _notifier(), group, hand, part)
         except OSError as error:

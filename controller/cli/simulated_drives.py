@@ -75,7 +75,7 @@ def simulate(
             raise Refused(say("sim_drives.two_places"))
         made = open_server(channel or str(CHANNEL), interface, bit_rate, worst_stuffing=worst_stuffing)
         with equipped(made, faults, None if log is None else str(log)):
-            tell.print(say("sim_drives.serve", count=len(devices), path=made.path), markup=False)
+            tell.print(say("sim_drives.serve", count=len(devices), path=made.path))
             run(made, devices)
 
 
@@ -101,7 +101,7 @@ def _write_sheet(file: Path, profile: str, bare: bool, machine: str) -> None:
     if machine:
         raise Refused(say("sim_drives.sheet_of_family", file=file))
     written = family_sheet.write(file, drive_profiles.load(profile), bare)
-    tell.print(say("sim_drives.sheet", file=written), markup=False)
+    tell.print(say("sim_drives.sheet", file=written))
 
 
 def _sheet(profile: Profile, bare: bool, folder: Path) -> Path:

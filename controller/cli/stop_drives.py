@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import json
-
 import typer
 
 from controller import messages
 from controller.cli import speech
 from controller.machine import machine_file, nodes
 from controller.machine.model import Machine
-from controller.machine.toml_table import ConfigError
-from controller.verify.console import Refused, refusals, say, show, spoken
+from controller.verify.console import Refused, answered, in_words, refusals, say, show
 from drives import bus as buses
 from drives import commission, pdo, quick_stop
 from drives.settings import BusSettings
@@ -22,7 +19,7 @@ def stop(machine: str = "trunnion", as_json: bool = False) -> None:
 
     It asks nobody and refuses nothing: a stop is always allowed. It is no emergency stop.
     """
-    with refusals(as_json, lambda: (ConfigError,)):
+    with refusals(as_json):
         made = machine_file.load(machine)
         told, silent, unreachable = [], [], []
         for settings in nodes.bus_settings(made):
@@ -32,7 +29,7 @@ def stop(machine: str = "trunnion", as_json: bool = False) -> None:
                 silent += _stopped(made, settings)
                 told.append(settings.name)
             except buses.BusError as error:
-                unreachable.append(messages.text(messages.of_error(error), spoken.get()))
+                unreachable.append(in_words(messages.of_error(error)))
         _report(as_json, told, silent, unreachable)
 
 
@@ -54,10 +51,8 @@ def _report(as_json: bool, told: list[str], silent: list[str], unreachable: list
         sentences.append(say("cli.stop.silent", names=", ".join(silent)))
     if sentences:
         raise Refused("\n".join(sentences), **facts)
-    if as_json:
-        print(json.dumps({"ok": True, **facts}))
-        return
-    show.print(say("cli.stop.told", names=", ".join(told)) if told else say("cli.stop.none"))
+    if not answered(as_json, **facts):
+        show.print(say("cli.stop.told", names=", ".join(told)) if told else say("cli.stop.none"))
 
 
 if __name__ == "__main__":  # at the end of a service: in a third of the time of the whole command line

@@ -36,7 +36,7 @@ def update(
 
     The environment of this version stays: rollback goes back to it.
     """
-    with refusals(False, lambda: (OSError,)):
+    with refusals(False):
         as_root("update")
         with tempfile.TemporaryDirectory() as scratch:
             version, own, lock = checked(wheel, sha256, Path(scratch))
@@ -56,7 +56,7 @@ def update(
 
 def rollback() -> None:
     """Have the services run the version before the last update from their next start; nothing is deleted."""
-    with refusals(False, lambda: (OSError,)):
+    with refusals(False):
         as_root("rollback")
         known = [one for one in environments() if python_of(one).exists()]
         if len(known) < 2:

@@ -24,7 +24,7 @@ from controller.runtime import checked, events
 from controller.state.record_files import TRACE
 from controller.verify import passes, tables, trace, wording
 from controller.verify.audit import Watched, findings_of
-from controller.verify.console import Refused, bar, refusals, say, show, spoken, tell
+from controller.verify.console import Refused, bar, in_words, refusals, say, show, spoken, tell
 from controller.verify.gouges import Findings, Gouge, gouges, in_table
 from controller.verify.judge import SETTLED_MM, Judged, Worst, Zone, judge
 from controller.verify.nominal import Nominal
@@ -71,7 +71,7 @@ class Found:
         else:
             first = self.gouges[0]
             told = first.with_advice("gouge.one", line=first.by_line, more=_others(len(self.gouges) - 1))
-        return messages.text(told, spoken.get())
+        return in_words(told)
 
     def to_dict(self, machine: Machine) -> dict[str, Any]:
         return {
@@ -93,7 +93,7 @@ def _others(count: int) -> messages.Message | str:
 
 
 def _gouges_json(gouges: Sequence[Gouge]) -> list[dict[str, Any]]:
-    return [{**one.to_dict(), "sentence": messages.text(one.message, spoken.get())} for one in gouges]
+    return [{**one.to_dict(), "sentence": in_words(one.message)} for one in gouges]
 
 
 def verify(
@@ -143,7 +143,7 @@ def verify(
         if not as_json:
             show_found(found)
             for one in spoilt:
-                show.print(one["sentence"], markup=False)
+                show.print(one["sentence"])
         if bad:
             raise Refused(f"{task.name}: {found.wrong}", **figures)
 
@@ -321,7 +321,7 @@ def _errors_mm(recorded: trace.Trace, task: checked.Task, ways: Mapping[Tool, li
 def show_found(found: Found) -> None:
     """The table of the surfaces, gouges, bounds and verdicts."""
     for note in found.notes:
-        tell.print(say("table.note", line=note.place.line, note=note.said), markup=False)
+        tell.print(say("table.note", line=note.place.line, note=note.said))
     if found.judged:
         show.print(_table(found))
     for one in found.gouges:
@@ -329,15 +329,15 @@ def show_found(found: Found) -> None:
     for one in found.ends:
         _show_gouge(one, "gouge.overcut_on_line")
     for bounded in found.bounds or ():
-        show.print(say("cli.verify.bound", line=bounded.line, sentence=bounded.sentence), markup=False)
+        show.print(say("cli.verify.bound", line=bounded.line, sentence=bounded.sentence))
     if found.bounds == []:
-        show.print(say("table.no_bound"), markup=False)
-    if sentence := messages.text(wording.summed(found.verdicts), spoken.get()):
-        show.print(sentence, markup=False)
+        show.print(say("table.no_bound"))
+    if sentence := in_words(wording.summed(found.verdicts)):
+        show.print(sentence)
 
 
 def _show_gouge(one: Gouge, key: str) -> None:
-    show.print(messages.text(one.with_advice(key, line=one.by_line), spoken.get()), markup=False)
+    show.print(in_words(one.with_advice(key, line=one.by_line)))
 
 
 def _table(found: Found) -> Table:
