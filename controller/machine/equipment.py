@@ -219,6 +219,11 @@ class Io:
     gear_out: tuple[str, ...] = ()  # likewise of the spindle's gears
     gear_in: tuple[str, ...] = ()
 
+    def read_as(self, number: int) -> bool | None:
+        """What programs read of one of ``digital_in``; None: it is known only while they run."""
+        name = self.digital_in[number]
+        return name in self.read_on if name in (*self.read_on, *self.read_off) else None
+
     @property
     def switched(self) -> tuple[str, ...]:
         """The outputs that a program switches: of M62 to M65, of M19, of the changer, of the gears."""
@@ -284,7 +289,7 @@ def _check_listed(here: Reading) -> None:
     ):
         known = [name for name in here[names] if name not in others]
         if any(name not in known for name in here[what]):
-            allowed = ", ".join(known) or Key("file.no_names")
+            allowed = ", ".join(known) or Key("file.no_free_name")
             here.table.refuse(what, "not_listed", names=names, allowed=allowed)
 
 

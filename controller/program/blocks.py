@@ -64,7 +64,7 @@ from controller.program.given import Given
 from controller.program.line import CommonRun, Upcoming
 from controller.program.modal import TIPS, State
 from controller.program.offset_words import Here
-from controller.program.parameters import Parameters
+from controller.program.parameters import Name, Parameters
 from controller.program.plain import CommonLines
 from controller.program.position import Position, homed
 from controller.program.program import (
@@ -154,7 +154,8 @@ def stream(
         in_force.add(0, given.state)
     system = SystemVariables(machine, given) if machine.dialect == "fanuc" else None
     left = given.state.parameters
-    parameters = Parameters(given, machine.parameters, machine.kept, system, left)
+    values: tuple[tuple[Name, float], ...] = (*machine.parameters, *machine.named_values)
+    parameters = Parameters(given, values, machine.kept, system, left)
     own = own_codes.calls(machine)
     limits = Limits(machine.call_levels, machine.program_passes, machine.without_point, own)
     common = CommonLines(machine, given)

@@ -133,11 +133,9 @@ class SystemVariables:
         io, number = self._machine.io, key - INPUTS
         if io is None or not 0 <= number < len(io.digital_in):
             return None
-        name = io.digital_in[number]
-        if name not in (*io.read_on, *io.read_off):
-            return None
-        self.reads[number] = name in io.read_on
-        return float(self.reads[number])
+        if (on := io.read_as(number)) is not None:
+            self.reads[number] = on
+        return None if on is None else float(on)
 
     def _is_output(self, key: int) -> bool:
         io = self._machine.io
