@@ -14,7 +14,7 @@ from fastapi import Path, Request
 from pydantic import Field, create_model
 
 from controller.api import access, models
-from controller.api.access import needs, principal
+from controller.api.access import needs, panel_of, principal
 from controller.api.answers import Refusal
 from controller.api.models import Sent, Told
 from controller.api.roles import Role
@@ -208,3 +208,10 @@ def facts(command: Command) -> CommandFacts:
 async def commands() -> CommandList:
     """Every command of the machine: who may give it, and in which modes it is possible."""
     return CommandList(commands=[facts(command) for command in ALL])
+
+
+@router.get("/changer", VIEW, 409, 503, tags=["tool changer"])
+async def changer(request: Request) -> models.Told:
+    """Spindle, pockets, the step under way, what must be confirmed, and the last steps."""
+    facts: dict[str, Any] = await panel_of(request).door.ask("changer")
+    return models.Told(**facts)
