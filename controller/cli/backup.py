@@ -21,10 +21,7 @@ from controller.machine.toml_table import ConfigError
 from controller.runtime.bus_load import overload
 from controller.verify.console import Refused, answered, in_words, refusals, say, show
 
-app = Verbs(
-    add_completion=False,
-    no_args_is_help=True,
-)
+app = Verbs(add_completion=False, no_args_is_help=True)
 
 Target = Annotated[Path | None, typer.Option("--machine")]
 

@@ -25,13 +25,6 @@ from controller.cli.host_view import Host
 from controller.verify import console
 from controller.verify.console import Refused, answered, bar, refusals, say, show, tell
 
-Names = Annotated[list[str] | None, typer.Argument(metavar="[NAME]...")]
-Plot = Annotated[Path | None, typer.Option("--plot", metavar="DIR")]
-Into = Annotated[
-    Path | None,
-    typer.Option("--readme", metavar="FILE"),
-]
-
 BEGIN, END = "<!-- figures -->", "<!-- end of figures -->"
 SAME = 1e-6  # that parts may miss the whole by
 
@@ -41,10 +34,10 @@ Report = Mapping[str, Any]
 
 
 def bench(
-    name: Names = None,
+    name: Annotated[list[str] | None, typer.Argument(metavar="[NAME]...")] = None,
     short: bool = False,
-    plot: Plot = None,
-    readme: Into = None,
+    plot: Annotated[Path | None, typer.Option("--plot", metavar="DIR")] = None,
+    readme: Annotated[Path | None, typer.Option("--readme", metavar="FILE")] = None,
     as_json: bool = False,
 ) -> None:
     """Measure: every figure beside its reference in the same run (cyclictest, rs274, bounds, one worker ...).

@@ -16,11 +16,9 @@ from controller.verify.console import Refused, answered, in_words, refusals, sho
 from drives.load import timeline
 from drives.load.budget import BusBudget
 
-MachineArgument = Annotated[str | None, typer.Argument()]
-
 
 def bus(
-    file: MachineArgument = None,
+    file: Annotated[str | None, typer.Argument()] = None,
     machine: str = "trunnion",
     period_ms: float | None = None,
     plot: Path | None = None,

@@ -27,7 +27,6 @@ if TYPE_CHECKING:  # OpenCASCADE takes its time to load, and is an extra
     from controller.cli.cad_tables import Seen
     from controller.geometry.arrays import Array
 
-ListOnly = Annotated[bool, typer.Option("--list")]
 
 AXES: dict[str, Vector] = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0), "Z": (0.0, 0.0, 1.0)}
 GROUPS = ("all", "blades")  # of faces, that --faces names
@@ -38,7 +37,7 @@ MICRON_MM = 1e-3  # a written surface is at least so near to its face
 
 def import_(
     file: Path,
-    only_list: ListOnly = False,
+    only_list: Annotated[bool, typer.Option("--list")] = False,
     plot: Path | None = None,
     faces: str = "",
     out: Path | None = None,
@@ -130,12 +129,7 @@ def import_(
 
 
 def _tell(
-    file: Path,
-    target: Path,
-    cutter: Tool,
-    rows: list[dict[str, Any]],
-    machine: Machine | None,
-    as_json: bool,
+    file: Path, target: Path, cutter: Tool, rows: list[dict[str, Any]], machine: Machine | None, as_json: bool
 ) -> None:
     """What was written; with a machine also what comes of it there. Raises Refused where that is wrong."""
     facts = {"file": str(file), "program": str(target), "tool": cutter.number, "faces": rows}

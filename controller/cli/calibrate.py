@@ -34,8 +34,6 @@ from controller.verify.console import Refused, answered, in_words, refusals, sho
 app = Verbs(no_args_is_help=True)
 
 SphereRadius = Annotated[float, typer.Option("--sphere-radius")]
-Length = Annotated[float, typer.Option("--length")]
-Centre = Annotated[str, typer.Option("--centre")]
 MAX_POSITIONS = 100
 
 
@@ -155,9 +153,9 @@ def _places(rows: list[dict[str, float]]) -> str:
 
 @app.command(name="positions")
 def positions_to_probe(
-    centre: Centre,
+    centre: Annotated[str, typer.Option("--centre")],
     sphere_radius: SphereRadius,
-    length: Length,
+    length: Annotated[float, typer.Option("--length")],
     ball_radius: float = 3.0,
     stem: str = "0,0,1",
     count: Annotated[int, typer.Option("--count", min=3, max=MAX_POSITIONS)] = 16,
@@ -279,11 +277,7 @@ def tip_by_iso_10791_6(
 
 @app.command()
 def thermal(
-    measured: Path,
-    offset: str = "G54",
-    machine: str = "trunnion",
-    write: bool = False,
-    as_json: bool = False,
+    measured: Path, offset: str = "G54", machine: str = "trunnion", write: bool = False, as_json: bool = False
 ) -> None:
     """By how much the machine has moved since a reference was where its work offset says."""
     with refused(as_json):

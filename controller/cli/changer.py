@@ -46,11 +46,7 @@ def confirm(
 
 @app.command()
 def pocket(
-    number: int,
-    tool: int,
-    take_over: bool = False,
-    url: Url = remote.URL,
-    as_json: bool = False,
+    number: int, tool: int, take_over: bool = False, url: Url = remote.URL, as_json: bool = False
 ) -> None:
     """Give a pocket to a tool; where all tools are must be confirmed then."""
     with connected(url, as_json) as machine, machine.control(take_over):

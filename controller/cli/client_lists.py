@@ -107,11 +107,7 @@ def _open_alarms(machine: Machine) -> list[dict[str, Any]]:
 
 
 def upload(
-    file: Path,
-    name: str = "",
-    wait: bool = True,
-    url: Url = remote.URL,
-    as_json: bool = False,
+    file: Path, name: str = "", wait: bool = True, url: Url = remote.URL, as_json: bool = False
 ) -> None:
     """Bring a program into the machine's store, where it is checked; it never starts by itself."""
     with connected(url, as_json) as machine:
@@ -207,10 +203,7 @@ def _runs(found: list[dict[str, Any]]) -> Iterator[str]:
 
 
 def alarms(
-    most: Most = 20,
-    acknowledge: int | None = None,
-    url: Url = remote.URL,
-    as_json: bool = False,
+    most: Most = 20, acknowledge: int | None = None, url: Url = remote.URL, as_json: bool = False
 ) -> None:
     """What went wrong, newest first, and who has acknowledged it."""
     with connected(url, as_json) as machine:

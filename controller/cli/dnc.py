@@ -20,10 +20,7 @@ from controller.ipc import control_socket
 from controller.messages import Message, message
 from controller.verify.console import Refused, bar, in_words, refusals, say, tell
 
-app = Verbs(
-    add_completion=False,
-    no_args_is_help=True,
-)
+app = Verbs(add_completion=False, no_args_is_help=True)
 
 Port = Annotated[str, typer.Option("--port")]
 Format = Annotated[Literal["7E2", "7E1", "8N1"], typer.Option("--format")]

@@ -30,10 +30,7 @@ from drives.commissioning import identity, lss, possible, sheet, survey, twins
 from drives.commissioning.wanted import Settings
 from drives.settings import MasterSettings, NodeSettings
 
-app = Verbs(
-    add_completion=False,
-    no_args_is_help=True,
-)
+app = Verbs(add_completion=False, no_args_is_help=True)
 
 CHECKED_PERIOD_MS = 2.0
 
@@ -226,11 +223,7 @@ def _strangers(joined: Joined, found: Sequence[survey.Found]) -> Iterator[Messag
 
 @app.command()
 def status(
-    machine: str = "trunnion",
-    bus: str = "",
-    channel: str = "",
-    drive: str = "",
-    as_json: bool = False,
+    machine: str = "trunnion", bus: str = "", channel: str = "", drive: str = "", as_json: bool = False
 ) -> None:
     """How the drives are: NMT and power state, mode, position, errors. Changes nothing."""
     with refusals(as_json, lambda: EXPECTED):
@@ -245,11 +238,7 @@ def status(
 
 @app.command()
 def dump(
-    drive: str,
-    machine: str = "trunnion",
-    bus: str = "",
-    channel: str = "",
-    as_json: bool = False,
+    drive: str, machine: str = "trunnion", bus: str = "", channel: str = "", as_json: bool = False
 ) -> None:
     """Every object of one drive as it is now, beside the data sheet's default. Changes nothing."""
     with refusals(as_json, lambda: EXPECTED):

@@ -22,16 +22,12 @@ from controller.verify.console import refusals, show, spoken
 from drives.arranged import Arranged
 from drives.texts import filled
 
-MachineArgument = Annotated[str, typer.Argument()]
-
 Texts = Mapping[str, str]
 INDENT = (0, 0, 0, 4)  # columns of what stands under a fault's name
 
 
 def faults(
-    machine: MachineArgument = "trunnion",
-    state: Path | None = None,
-    as_json: bool = False,
+    machine: Annotated[str, typer.Argument()] = "trunnion", state: Path | None = None, as_json: bool = False
 ) -> None:
     """Every fault: its class, what happened, what to do, and within which time the axes stand."""
     with refusals(as_json):

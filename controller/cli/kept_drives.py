@@ -33,10 +33,7 @@ def save(
     as_json: bool = False,
 ) -> None:
     """Write what is set up in a drive into a file, for the one that replaces it. Changes nothing in it."""
-    with (
-        refusals(as_json, lambda: EXPECTED),
-        _one(machine, bus, channel, drive) as (settings, here, rate),
-    ):
+    with refusals(as_json, lambda: EXPECTED), _one(machine, bus, channel, drive) as (settings, here, rate):
         values, failed = setup.read(here)
         counts = {say(f"setup.{why}"): count for why, count in setup.beside(here).items()}
         about = sheet.own(settings.eds, settings.node, sheet.known_of(settings))
@@ -48,14 +45,11 @@ def save(
             return
         for row in failed:
             tell.print(
-                say("cli.kept.unread", place=drive_tables.place(row.index, row.sub), refused=row.refused),
+                say("cli.kept.unread", place=drive_tables.place(row.index, row.sub), refused=row.refused)
             )
         kinds = ", ".join(f"{count} {why}" for why, count in sorted(counts.items()))
         one = {"name": settings.name, "node": settings.node, "count": len(values)}
-        show.print(
-            say("cli.kept.saved", file=file, left=kinds or say("cli.nothing"), **one),
-            soft_wrap=True,
-        )
+        show.print(say("cli.kept.saved", file=file, left=kinds or say("cli.nothing"), **one), soft_wrap=True)
 
 
 def compare(
@@ -81,9 +75,7 @@ def compare(
             counts = {"count": len(rows), "all": len(kept.values)}
             raise Refused(say("cli.kept.differs", **one, **counts), **facts)
         if not answered(as_json, **facts):
-            show.print(
-                say("cli.kept.as_it_says", name=settings.name, node=settings.node, file=kept.name),
-            )
+            show.print(say("cli.kept.as_it_says", name=settings.name, node=settings.node, file=kept.name))
 
 
 def restore(

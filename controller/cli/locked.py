@@ -79,9 +79,7 @@ def others() -> list[str]:
 # -- the list of all that is there
 
 
-def sbom(
-    output: Annotated[Path | None, typer.Argument()] = None,
-) -> None:
+def sbom(output: Annotated[Path | None, typer.Argument()] = None) -> None:
     """List all packages of this installation, as CycloneDX (JSON); to a file, or printed."""
     with refusals(False):
         text = json.dumps(bill(), indent=1) + "\n"

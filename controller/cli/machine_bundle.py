@@ -29,12 +29,10 @@ SEAL = "# sha256 of all above: "
 MACHINE_FILE = "machine.toml"
 NAMES = ("name", "number", "object")  # what rows of a table are told apart by
 
-MachineName = Annotated[str, typer.Argument(metavar="MACHINE")]
-
 
 @app.command()
 def pack(
-    machine: MachineName,
+    machine: Annotated[str, typer.Argument(metavar="MACHINE")],
     output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE.toml")],
     overwrite: bool = False,
     as_json: bool = False,

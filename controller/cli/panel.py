@@ -15,14 +15,13 @@ from controller.verify.console import Refused, in_words, refusals, say, tell
 if TYPE_CHECKING:
     from controller.api.store import Store
 
-Port = Annotated[int, typer.Option("--port", min=0, max=65535)]
 
 CLOSE_S = 3  # for requests under way, at the end
 
 
 def panel(
     host: str = "127.0.0.1",
-    port: Port = 8080,
+    port: Annotated[int, typer.Option("--port", min=0, max=65535)] = 8080,
     state: Path | None = None,
     runtime: Path | None = None,
     tls_certificate: Path | None = None,

@@ -145,12 +145,7 @@ def _length_mm(segments: dict[int, Segment]) -> float:
 
 
 def check(
-    program: Annotated[
-        Path | None,
-        typer.Argument(
-            metavar="[PROGRAM|DIR]",
-        ),
-    ] = None,
+    program: Annotated[Path | None, typer.Argument(metavar="[PROGRAM|DIR]")] = None,
     machine: str = "",
     gouge: Literal["refuse", "warn"] | None = None,
     block_delete: bool = False,
@@ -440,11 +435,7 @@ class _Outputs(NamedTuple):
 
 
 def _walk(
-    task: checked.Task,
-    kept: stored.Stored | None,
-    record: RecordedRun | None,
-    unchecked: bool,
-    as_json: bool,
+    task: checked.Task, kept: stored.Stored | None, record: RecordedRun | None, unchecked: bool, as_json: bool
 ) -> checked.Walk:
     """The path of the program, or what is left of it where a recorded run began; its notes are shown."""
     try:

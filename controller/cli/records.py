@@ -15,13 +15,9 @@ from controller.runtime.records import Apart, NoRecord, Record
 from controller.verify import console
 from controller.verify.console import Refused, answered, in_words, refusals, show, spoken
 
-Tolerance = Annotated[float, typer.Option("--tolerance", min=0.0)]
-
 
 def export(
-    recording: Path,
-    out: Annotated[Path, typer.Argument(metavar="OUT")],
-    as_json: bool = False,
+    recording: Path, out: Annotated[Path, typer.Argument(metavar="OUT")], as_json: bool = False
 ) -> None:
     """Write a recording as Parquet, with units and meanings of its columns: for pandas, Polars, DuckDB ...
 
@@ -43,7 +39,12 @@ def export(
             show.print(" ".join([words, *(one["sentence"] for one in spoilt)]))
 
 
-def compare(a: Path, b: Path, tolerance: Tolerance = 0.0, as_json: bool = False) -> None:
+def compare(
+    a: Path,
+    b: Path,
+    tolerance: Annotated[float, typer.Option("--tolerance", min=0.0)] = 0.0,
+    as_json: bool = False,
+) -> None:
     """Hold two recordings beside each other, row by row from the start of both.
 
     Exit code 0: the same, within --tolerance. 1: the first row and column that are apart, or another length.

@@ -24,19 +24,13 @@ from controller.verify.console import (
     tell,
 )
 
-RunName = Annotated[
-    str,
-    typer.Argument(metavar="RUN"),
-]
-Trace = Annotated[Path | None, typer.Option("--trace")]
-
 
 def replay(
-    run: RunName,
+    run: Annotated[str, typer.Argument(metavar="RUN")],
     state: Path | None = None,
     machine: str | None = None,
     program: Path | None = None,
-    trace_file: Trace = None,
+    trace_file: Annotated[Path | None, typer.Option("--trace")] = None,
     as_json: bool = False,
 ) -> None:
     """Make a recorded run again on the stepped clock, and compare every setpoint bit for bit.

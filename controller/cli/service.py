@@ -23,10 +23,7 @@ from controller.machine.model import Machine
 from controller.runtime import drive_sheets
 from controller.verify.console import Refused, answered, in_words, refusals, say, show, tell
 
-app = Verbs(
-    add_completion=False,
-    no_args_is_help=True,
-)
+app = Verbs(add_completion=False, no_args_is_help=True)
 
 HIDDEN = ("/home", "/root", "/run/user", "/tmp", "/var/tmp")  # ProtectHome=yes, PrivateTmp=yes
 SHOWN = ("LoadState", "ActiveState", "SubState", "Result", "NRestarts", "MainPID", "StatusText")
@@ -237,10 +234,7 @@ def _sentence(unit: dict[str, str]) -> str:
 
 @app.command("self-test")
 def self_tests(
-    machine: str | None = None,
-    seconds: float = 5.0,
-    state: Path = STATE,
-    as_json: bool = False,
+    machine: str | None = None, seconds: float = 5.0, state: Path = STATE, as_json: bool = False
 ) -> None:
     """Whether this computer can run the machine: one line each, pass or fail, with the remedy.
 
@@ -265,10 +259,7 @@ def _report(lines: Sequence[Line], as_json: bool) -> None:
         rows: list[dict[str, Any]] = [line.to_dict() for line in lines]
         print(json.dumps({"ok": not failed, "failed": failed, "lines": rows}))
     for line in () if as_json else lines:
-        show.print(
-            f"{say(f'host.{line.verdict}'):<4}  {line.shown:<16} {line.found}",
-            soft_wrap=True,
-        )
+        show.print(f"{say(f'host.{line.verdict}'):<4}  {line.shown:<16} {line.found}", soft_wrap=True)
         if line.advice:
             show.print(f"      {'':<16} -> {line.advice}", soft_wrap=True)
     if failed:

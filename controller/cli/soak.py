@@ -15,17 +15,13 @@ from controller.cli import checkout
 from controller.verify import console
 from controller.verify.console import Refused, answered, bar, refusals, say, show, tell
 
-Hours = Annotated[float, typer.Option("--hours", min=0.0)]
-First = Annotated[int, typer.Option("--first", min=0)]
-Runs = Annotated[int | None, typer.Option("--runs", min=1)]
-
 
 def soak(
-    hours: Hours = 1.0,
+    hours: Annotated[float, typer.Option("--hours", min=0.0)] = 1.0,
     seed: int | None = None,
     clock: Literal["stepped", "real"] = "stepped",
-    first: First = 0,
-    runs: Runs = None,
+    first: Annotated[int, typer.Option("--first", min=0)] = 0,
+    runs: Annotated[int | None, typer.Option("--runs", min=1)] = None,
     out: Path = Path("soak"),
     as_json: bool = False,
 ) -> None:

@@ -60,10 +60,7 @@ def main() -> None:
 
 
 @app.command()
-def check(
-    state: Path | None = None,
-    as_json: bool = False,
-) -> None:
+def check(state: Path | None = None, as_json: bool = False) -> None:
     """Hold every file and row of a state folder against its checksum. It changes nothing; exit code 1 where
     one is damaged, or not for you to read.
     """

@@ -27,11 +27,7 @@ LINK = Path("/usr/local/bin/directrix")
 WHEEL = re.compile(r"directrix-(?P<version>[0-9][0-9A-Za-z.+!]*)-py3-none-any\.whl")
 
 
-def update(
-    wheel: Path,
-    sha256: str = "",
-    packages: Path | None = None,
-) -> None:
+def update(wheel: Path, sha256: str = "", packages: Path | None = None) -> None:
     """Install a release beside this version, by its lock, and have the services run it from their next start.
 
     The environment of this version stays: rollback goes back to it.

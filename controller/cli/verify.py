@@ -34,10 +34,6 @@ from controller.workers import Spread, here
 if TYPE_CHECKING:
     from controller.verify.bound import Bound
 
-BoundWord = Annotated[
-    bool,
-    typer.Option("--bound"),
-]
 
 MAX_ROWS = 40  # of the table
 MAX_SURFACES = 1000  # of a run, that are listed
@@ -103,7 +99,7 @@ def verify(
     commanded: bool = False,
     gouge: Literal["refuse", "warn"] | None = None,
     plot: Path | None = None,
-    with_bound: BoundWord = False,
+    with_bound: Annotated[bool, typer.Option("--bound")] = False,
     count: workers.Count = 0,
     cluster: workers.Cluster = "",
     as_json: bool = False,

@@ -12,10 +12,7 @@ from controller import workers
 from controller.verify.console import Refused, in_words
 
 Count = Annotated[int, typer.Option("--workers", min=0, metavar="N")]
-Cluster = Annotated[
-    str,
-    typer.Option("--cluster", metavar="ADDRESS"),
-]
+Cluster = Annotated[str, typer.Option("--cluster", metavar="ADDRESS")]
 
 
 @contextlib.contextmanager
