@@ -13,8 +13,6 @@ from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
 
-from canopen.objectdictionary import ODVariable
-
 from drives.commissioning import identity, stopping, wanted
 from drives.commissioning.network import CommissionError
 from drives.commissioning.sheet import INTEGERS, Sheet, range_of
@@ -105,7 +103,7 @@ def _of_search(node: NodeSettings, sheet: Sheet) -> Iterator[Message]:
 
 
 def default_problems(settings: Settings, sheet: Sheet) -> Iterator[Message]:
-    """What commissioning would refuse of units, speeds and stops of a drive that has the sheet's defaults still.
+    """What commissioning would refuse of units, speeds and stops of a drive with the sheet's defaults.
 
     Whoever has set a drive up by its maker's tool says so by an override of the default.
     """
@@ -123,7 +121,7 @@ def default_problems(settings: Settings, sheet: Sheet) -> Iterator[Message]:
 
 
 class PaperDrive:
-    """A drive as its sheet has it after power-on: it takes what is within a range, where it may be written."""
+    """A drive as its sheet has it after power-on; what may be written, it takes."""
 
     def __init__(self, settings: NodeSettings, sheet: Sheet) -> None:
         self.settings = settings

@@ -50,7 +50,7 @@ class Units:
         self._dictionary = dictionary
         self._per_metre, self._per_radian = per_metre, per_radian
         self.of_shaft = False  # 60A9h and 60AAh speak of revolutions behind the gear
-        # One unit of velocity, and of acceleration, in position units, where no object says it; 0 = as the factors
+        # One unit of velocity, and of acceleration, in position units, where no object says it
         self.told_counts_s = self.told_counts_s2 = 0.0
         self.position = self.velocity = self.acceleration = 1.0
         self.scale = 1.0  # increments per position unit
