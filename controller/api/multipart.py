@@ -67,11 +67,8 @@ async def receive(
     """
     form = _Form(content_type, uploads, by)
     try:
-        began_s, limits = time.monotonic(), uploads.limits
+        began_s = time.monotonic()
         while (chunk := await _next(chunks, began_s, form.taken, uploads)) is not None:
-            form.taken += len(chunk)
-            if form.taken > limits.most_bytes + MAX_FIELDS * (MAX_FIELD_BYTES + 4096):
-                raise StoreError.of("size", "upload_beyond", most=limits.most_bytes)
             await asyncio.to_thread(form.feed, chunk)
         return await asyncio.to_thread(form.finish, in_use)
     finally:
@@ -104,6 +101,10 @@ class _Form:
         self.taken = 0
 
     def feed(self, chunk: bytes) -> None:
+        self.taken += len(chunk)
+        most = self._uploads.limits.most_bytes
+        if self.taken > most + MAX_FIELDS * (MAX_FIELD_BYTES + 4096):
+            raise StoreError.of("size", "upload_beyond", most=most)
         try:
             self._parser.write(chunk)
         except FormParserError as error:

@@ -60,6 +60,14 @@ class Tries:
     def remembered(self, now_s: float) -> float:
         return max(0.0, self.wrong - (now_s - self.last_s) / FORGOTTEN_S)
 
+    def add(self, now_s: float) -> None:
+        """One more."""
+        self.wrong, self.last_s = self.remembered(now_s) + 1.0, now_s
+
+    def take_back(self) -> None:
+        """The last was not wrong."""
+        self.wrong -= 1.0
+
 
 @dataclass(slots=True)
 class Brake:
@@ -77,14 +85,13 @@ class Brake:
     def wrong(self, now_s: float, keys: Mapping[str, int]) -> None:
         self._tries = {key: tries for key, tries in self._tries.items() if tries.remembered(now_s) > 0.0}
         for key, free in keys.items():
-            tries = self._tries.setdefault(key, Tries(free))
-            tries.wrong, tries.last_s = tries.remembered(now_s) + 1.0, now_s
+            self._tries.setdefault(key, Tries(free)).add(now_s)
 
     def right(self, keys: Iterable[str]) -> None:
         """That try was not wrong. Those before it stay: an own account is no way to go on guessing."""
         for key in keys:
             if key in self._tries:
-                self._tries[key].wrong -= 1.0
+                self._tries[key].take_back()
 
 
 class Users:

@@ -300,9 +300,7 @@ def _audited(
 
 
 def _noted(walk: Walk, notes: Sequence[Note]) -> Walk:
-    if notes:
-        walk.notes = list(notes)
-    return walk
+    return replace(walk, notes=list(notes)) if notes else walk
 
 
 def segments(walk: Walk) -> dict[int, Segment]:
