@@ -151,7 +151,7 @@ def _facts(contents: Contents) -> dict[str, Any]:
 
 def _show(as_json: bool, facts: dict[str, Any]) -> None:
     done = [in_words(one) for one in facts.get("done") or ()]
-    if answered(as_json, **facts, **({"done": done} if done else {})):
+    if answered(as_json, **{**facts, **({"done": done} if done else {})}):
         return
     listed = (say(f"cli.backup.fact.{name}", value=value) for name, value in facts.items() if name != "done")
     show.print("\n".join(done or [f"{', '.join(listed)}."]))
