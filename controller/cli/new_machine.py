@@ -45,6 +45,13 @@ INVERTER_OUTPUTS = ("spindle_run", "spindle_reverse", "spindle_reset")
 EQUIPMENT = ("io", "changer", "probe", "setter")
 # Asked of each axis; {unit} is mm of a slide and deg of a rotary.
 OF_AN_AXIS = ("travel_{unit}", "velocity_{unit}_s", "acceleration_{unit}_s2", "counts_per_{unit}")
+STANDING = (0, 35, 37)  # methods of homing that move nothing
+# What a search for a switch is given, as a share of what the axis can.
+SEARCH = (
+    ("fast_{}_s", "velocity_{}_s", 0.1),
+    ("slow_{}_s", "velocity_{}_s", 0.01),
+    ("acceleration_{}_s2", "acceleration_{}_s2", 0.1),
+)
 FROM_END_MM = 10.0  # of a travel, where a changer goes
 MEANING_COLUMN = 40
 
@@ -98,6 +105,8 @@ def new(
             _ask_axes(tree)
         for one in put or ():
             _put(tree, one)
+        for axis in tree["axis"]:
+            _search(axis)
         for sequence in ("put_away", "take"):
             for step in tree.get("changer", {}).get(sequence, ()):
                 _within(step, tree["axis"])
@@ -182,6 +191,15 @@ def _tree(answers: Answers, file: Path) -> Tree:
     for axis in tree["axis"]:
         axis["bus"] = names[0]
     return tree
+
+
+def _search(axis: Tree) -> None:
+    """How fast it looks for its switch, for drives leave that at 0: then homing never ends."""
+    homing, unit = axis.get("homing", {}), "mm" if axis["kind"] == "linear" else "deg"
+    if homing.get("absolute") or homing.get("method", 0) in STANDING:
+        return
+    for key, of, share in SEARCH:
+        homing.setdefault(key.format(unit), float(f"{share * axis[of.format(unit)]:.3g}"))
 
 
 def _within(step: Tree, axes: list[Tree]) -> None:

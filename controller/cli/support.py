@@ -85,8 +85,10 @@ def _write(archive: Path, folder: Path, records: int, missing: list[str]) -> Non
         with own_files.new(half) as out, zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as file:
             secrets = _secrets(folder, missing)
             for name, data in _parts(folder, records, missing):
-                for part in _readable(name, partial(redaction.of_part, name, data, secrets), missing):
-                    file.writestr(*part)
+                for _, clean in _readable(name, partial(redaction.of_part, name, data, secrets), missing):
+                    shown = redaction.redacted(name.encode(), secrets).decode()
+                    same = sum(one.startswith(shown) for one in file.namelist()) if shown != name else 0
+                    file.writestr(f"{shown}.{same}" if same else shown, clean)
             file.writestr("missing.txt", redaction.redacted("\n".join([*missing, ""]).encode(), secrets))
         own_files.rename(half, archive)
     finally:
@@ -94,12 +96,16 @@ def _write(archive: Path, folder: Path, records: int, missing: list[str]) -> Non
 
 
 def _secrets(folder: Path, missing: list[str]) -> list[bytes]:
+    """The longest first."""
+    found, names = list[bytes](), list[str]()
     try:
         with contextlib.closing(Store(folder)) as store:
-            return redaction.of_shop(store)
+            found, names = redaction.of_shop(store), [one.name for one in store.programs.list()]
     except StoreError as error:
         missing.append(f"secrets: {in_words(messages.of_error(error))}")
-        return []
+    with contextlib.suppress(OSError, sqlite3.Error), history.reading(folder) as past:
+        names += past.by_program()
+    return sorted([*found, *redaction.of_names(names)], key=len, reverse=True)
 
 
 def _parts(folder: Path, records: int, missing: list[str]) -> Iterator[Part]:
