@@ -6,7 +6,7 @@
 Nothing is kept in memory or in other temporary files, whatever the size. The form ends with
 its closing boundary or was cut off: then, as with every other mistake, nothing is kept.
 A file may come with the fields ``sha256`` (or ``checksum``), ``size`` and ``name`` (instead of the file
-name); they may stand before or behind it.
+name); they may come before or after it.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from controller.api.programs import Program
 from controller.api.uploads import Upload, Uploads
 from controller.messages import Key, message
 
-logging.getLogger("python_multipart").setLevel(logging.ERROR)  # what is sent wrong is told to its sender
+logging.getLogger("python_multipart").setLevel(logging.ERROR)  # what is sent wrong is answered to its sender
 
 MAX_FIELDS = 16
 MAX_FIELD_BYTES = 1024
@@ -145,7 +145,7 @@ class _Form:
         except FormParserError as error:
             raise StoreError("form", message("upload.wrong", why=error, send=SEND)) from error
 
-    # ---- what the parser tells, in its order
+    # ---- called by the parser, in its order
 
     def _begin(self) -> None:
         if len(self._fields) >= MAX_FIELDS:

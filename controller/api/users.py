@@ -121,7 +121,7 @@ class Users:
         self.refresh()
 
     def refresh(self) -> None:
-        """Read users and tokens from the store, and tell it of sessions. Raises StoreError."""
+        """Read users and tokens from the store, and write sessions into it. Raises StoreError."""
         self._users = {user.name: user for user in self._rows.all()}
         self.lost = self._rows.lost
         self._marks = {user.name: sha256(f"{user.password} {user.role}") for user in self._users.values()}
@@ -145,7 +145,7 @@ class Users:
 
     @cached_property
     def _nobody(self) -> str:
-        """Checked for unknown names, so that the time taken does not tell which names there are."""
+        """Checked for unknown names, so that the time taken does not show which names there are."""
         return self._hasher.hash(secrets.token_urlsafe(16))
 
     async def hash(self, password: str) -> str:
@@ -193,7 +193,7 @@ class Users:
         return self._sessions.is_confirmed(cookie)
 
     def sessions(self) -> list[tuple[str, Session]]:
-        """All that last, by the name that each is told by."""
+        """All that last, by the name of each."""
         return self._sessions.lasting(self._marks)
 
     def end_session(self, name: str) -> None:

@@ -157,7 +157,7 @@ def _numbers(name: str, text: str, part: Part) -> list[int]:
 
 
 def _placed(move: str, turn: str) -> Frame:
-    """Where the file's frame stands in the part frame."""
+    """Where the file's frame is in the part frame."""
     frame = Frame()
     for word in [word for word in turn.replace(" ", "").upper().split(",") if word]:
         angle = _float(word[1:]) if word[0] in AXES else None

@@ -1,4 +1,4 @@
-"""``directrix calibrate``: the machine's own geometry from what was measured, written when it is told to.
+"""``directrix calibrate``: the machine's own geometry from what was measured, written when that is asked for.
 
 Without ``--write`` nothing is changed. With it the machine file is replaced whole, its comments stay, and
 what was before is kept beside it.

@@ -59,7 +59,7 @@ class Asked:
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """What is told; the edit of a machine file; a picture (PNG), drawn into a file."""
+    """What is reported; the edit of a machine file; a picture (PNG), drawn into a file."""
 
     told: dict[str, Any]
     edit: Callable[[str], str] | None = None

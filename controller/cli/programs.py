@@ -261,7 +261,7 @@ def _print_check(
 
 
 def _show_check(program: Path, task: checked.Task, done: _Check, fitted: Path | None) -> None:
-    """Tables; what the data sheets say was told before."""
+    """Tables; what the data sheets say was shown before."""
     survey, kept = done.survey, done.kept
     if names := fittings.names(fitted):
         tell.print(fittings.sentence(names))

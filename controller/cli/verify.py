@@ -42,7 +42,7 @@ BOUND_S = 5.0  # that the search for one surface takes, about
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """Everything that is told of a program or of a trace."""
+    """Everything that is reported of a program or of a trace."""
 
     of: str  # 'plan', 'actual', 'commanded'
     judged: list[Judged]

@@ -89,7 +89,7 @@ def wired(bench: Bench, machine: Machine, rig: Rig) -> Wired:
 
 
 def inverter(spindle: Spindle, now: Callable[[], float]) -> SimulatedInverter:
-    """What stands behind the serial line of a spindle's inverter."""
+    """A simulated inverter for the serial line of a spindle."""
     from controller.runtime.bench.inverter import SimulatedInverter
 
     return SimulatedInverter(spindle, now)

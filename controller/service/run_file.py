@@ -1,4 +1,4 @@
-"""What a run leaves on the disk while it is under way: rows and events, each behind the last one.
+"""What a run leaves on the disk while it is under way: rows and events, each after the last one.
 
 Nothing that was written is written again before its segment is full (``state.setpoints``), so that a loss
 of power costs what the disk had not been told of yet: ``sync`` tells it, some twenty times a second. A reader
@@ -152,7 +152,7 @@ class RunFile:
         if not data or self.problem:
             return
         try:
-            if file.write(data) != len(data):  # the disk took a part: what came behind it would be torn
+            if file.write(data) != len(data):  # the disk took a part: what came after it would be torn
                 self.problem = reason(OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)))
         except OSError as error:
             self.problem = reason(error)

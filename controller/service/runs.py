@@ -195,7 +195,7 @@ class RunRecord:
         self._ticks, self._last_tick = self._ticks + len(sent), int(sent[-1, COLUMN["tick"]])
 
     def _of_run(self, sent: Rows) -> Rows:
-        """The rows up to the one that found the end: what stands behind it is only the looking whether it
+        """The rows up to the one that found the end: what follows it is only the looking whether it
         stands. Those are kept for the moment that the run goes on.
         """
         behind = np.concatenate([self._behind, sent])
