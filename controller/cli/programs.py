@@ -181,7 +181,7 @@ def check(
                 from controller.cli import check_folder
 
                 place = store or stored.folder()
-                asked = check_folder.Asked(program, made, place, block_delete, report)
+                asked = check_folder.FolderCheck(program, made, place, block_delete, report)
                 check_folder.run(asked, spread, as_json)
                 return
             if report is not None:

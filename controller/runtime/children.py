@@ -175,7 +175,7 @@ def own_error(role: str, error: Exception) -> str:
     return text(message("process.own_error", role=role, error=internal_error.summary(error)))
 
 
-class Asked:
+class EndRequest:
     """Becomes true when this process is asked to end."""
 
     def __init__(self) -> None:
