@@ -127,7 +127,7 @@ def _loaded(file: str, command: str) -> dict[str, Any]:
 
 
 def _add(holder: typer.Typer, name: str, module: ModuleType) -> None:
-    """The function of that name, with a "_" behind it where the name has another meaning in Python."""
+    """The function of that name, with a "_" after it where the name has another meaning in Python."""
     found = getattr(module, f"{name}_", None) or getattr(module, name.replace("-", "_"), None)
     if inspect.isfunction(found):
         holder.command(name)(found)

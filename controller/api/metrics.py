@@ -1,6 +1,6 @@
 """``/metrics`` for Prometheus: figures of the machine, of what is kept of it, and of the panel.
 
-Names keep to Prometheus' own rules (prometheus.io/docs/practices/naming): base units, the unit behind the
+Names keep to Prometheus' own rules (prometheus.io/docs/practices/naming): base units, the unit after the
 name, ``_total`` for what only counts up. So lengths are in metres and angles in radians here, and
 nowhere else outside. What a metric is stands in the messages, under ``metrics.`` and its name.
 """
@@ -35,7 +35,7 @@ ENDS = ("completed", "stopped", "refused", "fault", "interrupted", "lost")  # of
 
 Family = GaugeMetricFamily | CounterMetricFamily
 
-# Name, where it stands in the status, factor to the base unit.
+# Name, place in the status, factor to the base unit.
 GAUGES = (
     ("override_ratio", ("override",), 1.0),
     ("rapid_override_ratio", ("rapid_override",), 1.0),
@@ -58,7 +58,7 @@ UNITS = {"mm": ("meters", 1e-3), "deg": ("radians", math.radians(1.0))}
 
 @dataclass(slots=True)
 class Kept:
-    """What store and state folder tell; where the store cannot be read, nothing."""
+    """Figures of store and state folder; where the store cannot be read, nothing."""
 
     runs: dict[str, tuple[int, float, float]] = field(default_factory=dict)
     alarms: dict[str, tuple[int, int]] = field(default_factory=dict)
@@ -179,7 +179,7 @@ def _gauge(name: str, label: str, values: Mapping[str, Any]) -> Family:
 
 
 def _counter(name: str, label: str, values: Mapping[str, Any]) -> Family:
-    """The library puts ``_total`` behind the name."""
+    """The library puts ``_total`` after the name."""
     family = CounterMetricFamily(f"directrix_{name}", _help(name), labels=[label] if label else [])
     return _filled(family, label, values)
 

@@ -39,7 +39,7 @@ def save(archive: Path, machine: str = "", state: Path | None = None, as_json: b
 
 @app.command()
 def check(archive: Path, as_json: bool = False) -> None:
-    """Read an archive whole and tell what is in it; nothing is changed."""
+    """Read an archive whole and say what is in it; nothing is changed."""
     with refusals(as_json, lambda: EXPECTED):
         _show(as_json, {"archive": str(archive), **_facts(backup.check(archive))})
 
@@ -151,7 +151,7 @@ def _facts(contents: Contents) -> dict[str, Any]:
 
 def _show(as_json: bool, facts: dict[str, Any]) -> None:
     done = [in_words(one) for one in facts.get("done") or ()]
-    if answered(as_json, **facts, **({"done": done} if done else {})):
+    if answered(as_json, **{**facts, **({"done": done} if done else {})}):
         return
     listed = (say(f"cli.backup.fact.{name}", value=value) for name, value in facts.items() if name != "done")
     show.print("\n".join(done or [f"{', '.join(listed)}."]))

@@ -24,7 +24,7 @@ if TYPE_CHECKING:  # OpenCASCADE takes its time to load, and is an extra
     from controller.cad.kernel import Face, Part
     from controller.cad.program import Written
     from controller.cad.strip import How, Strip
-    from controller.cli.cad_tables import Seen
+    from controller.cli.cad_tables import SeenFace
     from controller.geometry.arrays import Array
 
 
@@ -157,7 +157,7 @@ def _numbers(name: str, text: str, part: Part) -> list[int]:
 
 
 def _placed(move: str, turn: str) -> Frame:
-    """Where the file's frame stands in the part frame."""
+    """Where the file's frame is in the part frame."""
     frame = Frame()
     for word in [word for word in turn.replace(" ", "").upper().split(",") if word]:
         angle = _float(word[1:]) if word[0] in AXES else None
@@ -216,7 +216,7 @@ def _part(file: Path, placed: Frame) -> Part:
         raise Refused(say("cli.import.unreadable", file=file, why=error)) from error
 
 
-def _seen(part: Part, how: How, numbers: Sequence[int], others: Sequence[int], quiet: bool) -> list[Seen]:
+def _seen(part: Part, how: How, numbers: Sequence[int], others: Sequence[int], quiet: bool) -> list[SeenFace]:
     """The faces with these numbers in this order; without numbers all of them.
 
     ``others``: numbers of those that are cut along the other of their two families of rulings.
@@ -232,7 +232,7 @@ def _seen(part: Part, how: How, numbers: Sequence[int], others: Sequence[int], q
     return found
 
 
-def _in_roles(part: Part, seen: Sequence[Seen], machine: Machine) -> list[Seen]:
+def _in_roles(part: Part, seen: Sequence[SeenFace], machine: Machine) -> list[SeenFace]:
     """All faces of a part with what they are on it, and the tools that cut them."""
     from controller.cad.program import tools_for
     from controller.cad.roles import roles
@@ -261,13 +261,13 @@ def _edge_points(face: Face) -> Array:
         return np.zeros((0, 3))
 
 
-def _look(face: Face, how: How, fine_mm: float) -> Seen:
+def _look(face: Face, how: How, fine_mm: float) -> SeenFace:
     import numpy as np
 
     from controller.cad.curve import NoFit
     from controller.cad.kernel import Failure, failures
     from controller.cad.strip import NotRuled, strips
-    from controller.cli.cad_tables import Seen
+    from controller.cli.cad_tables import SeenFace
 
     shape = np.zeros((0, 3, 3))
     try:
@@ -275,15 +275,15 @@ def _look(face: Face, how: How, fine_mm: float) -> Seen:
             shape = face.triangles(fine_mm)
             made = strips(face, how)
     except NotRuled as error:
-        return Seen(face, (), error.said, error.off_ruled_mm, shape)
+        return SeenFace(face, (), error.said, error.off_ruled_mm, shape)
     except Failure as error:
-        return Seen(face, (), message("cli.import.not_evaluated", why=error), math.inf, shape)
+        return SeenFace(face, (), message("cli.import.not_evaluated", why=error), math.inf, shape)
     except (NoFit, ArithmeticError, ValueError) as error:  # degenerate numbers in the file
-        return Seen(face, (), message("cli.import.no_curves", why=error), math.inf, shape)
-    return Seen(face, tuple(made), None, made[0].off_ruled_mm, shape)
+        return SeenFace(face, (), message("cli.import.no_curves", why=error), math.inf, shape)
+    return SeenFace(face, tuple(made), None, made[0].off_ruled_mm, shape)
 
 
-def _cuttable(one: Seen, file: Path, other_side: bool) -> list[Strip]:
+def _cuttable(one: SeenFace, file: Path, other_side: bool) -> list[Strip]:
     """The strips of a face; raises Refused where it has none."""
     if not one.strips:
         face = {"number": one.face.number, "kind": one.face.kind}

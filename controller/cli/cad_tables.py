@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class Seen:
+class SeenFace:
     """One face: its strips, the largest first, or why it has none; what it is on the part; what cuts it."""
 
     face: Face
@@ -83,7 +83,7 @@ def _finite(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def faces(file: Path, part: Part, seen: Sequence[Seen], as_json: bool) -> None:
+def faces(file: Path, part: Part, seen: Sequence[SeenFace], as_json: bool) -> None:
     """The table of ``--list``: within 80 columns."""
     rows = [one.to_dict() for one in seen]
     if answered(as_json, file=str(file), unit=part.unit, faces=rows):
@@ -117,7 +117,7 @@ def _cells(row: dict[str, Any]) -> tuple[str, ...]:
     )
 
 
-def picture_of(seen: Sequence[Seen], machine: Machine) -> str:
+def picture_of(seen: Sequence[SeenFace], machine: Machine) -> str:
     """Of all faces, as SVG, coloured by the thickest tool that cuts them."""
     numbers = [tool.number for tool in machine.tools]
     shown = [
@@ -138,7 +138,7 @@ def picture_of(seen: Sequence[Seen], machine: Machine) -> str:
     return picture.drawn(shown, legend)
 
 
-def _colour(one: Seen, numbers: Sequence[int]) -> picture.Colour:
+def _colour(one: SeenFace, numbers: Sequence[int]) -> picture.Colour:
     if one.tools:
         return picture.colour_of(one.tools[0].number, numbers)
     return picture.NO_TOOL if one.strips else picture.OTHER

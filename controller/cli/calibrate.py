@@ -1,4 +1,4 @@
-"""``directrix calibrate``: the machine's own geometry from what was measured, written when it is told to.
+"""``directrix calibrate``: the machine's own geometry from what was measured, written when that is asked for.
 
 Without ``--write`` nothing is changed. With it the machine file is replaced whole, its comments stay, and
 what was before is kept beside it.
@@ -21,7 +21,7 @@ from controller.calibration.measurements import complete
 from controller.calibration.refusal import Refusal
 from controller.cli import measurements, remote
 from controller.cli.client import Url
-from controller.cli.measurements import Asked, Found
+from controller.cli.measurements import Inputs, Result
 from controller.cli.speech import Verbs
 from controller.geometry.vectors import Vector
 from controller.machine import machine_file
@@ -51,7 +51,7 @@ def refused(as_json: bool) -> Iterator[None]:
             raise Refused(in_words(error.said), **error.said) from error
 
 
-def written(machine: str, found: Found) -> dict[str, str] | None:
+def written(machine: str, found: Result) -> dict[str, str] | None:
     """A machine file with what was found; paths of the new one and of the old one, None without an edit."""
     if found.edit is None:
         return None
@@ -62,7 +62,7 @@ def written(machine: str, found: Found) -> dict[str, str] | None:
     return {"file": str(file), "kept": str(kept)}
 
 
-def drawn(found: Found, plot: Path | None) -> None:
+def drawn(found: Result, plot: Path | None) -> None:
     """Its picture, where one is asked for."""
     if plot and found.draw:
         found.draw(plot)
@@ -105,11 +105,11 @@ def rotaries(
 
 def _of_table(
     name: str, measured: Path, made: Machine, values: dict[str, Any], program: Path | None = None
-) -> Asked:
+) -> Inputs:
     """A measurement of a table, and of a program where one is named. Raises Refusal, OSError."""
     text = b"" if program is None else linked.linked(program.read_bytes(), linked.beside(program), made)
     table = read_text(measured)
-    return Asked(made, complete(name, values), table, measured.name, None, bytes(text), str(program or ""))
+    return Inputs(made, complete(name, values), table, measured.name, None, bytes(text), str(program or ""))
 
 
 def _show_rotaries(told: dict[str, Any]) -> None:
@@ -171,7 +171,7 @@ def positions_to_probe(
             **{"centre_x": x, "centre_y": y, "centre_z": z, "stem_i": i, "stem_j": j, "stem_k": k},
             **{"sphere_radius": sphere_radius, "length": length, "ball_radius": ball_radius, "count": count},
         }
-        told = measurements.to_probe(Asked(made, complete("positions", values))).told
+        told = measurements.to_probe(Inputs(made, complete("positions", values))).told
         if answered(as_json, **told):
             return
         show.print(_places(told["positions_deg"]))
@@ -213,7 +213,7 @@ def spindle_by_tachometer(
         edit = partial(
             machine_edit.inverter, zero_counts=fitted.zero_counts, full_rev_min=fitted.full_rev_min
         )
-        done = written(machine, Found(fitted.figures, edit)) if write else None
+        done = written(machine, Result(fitted.figures, edit)) if write else None
         if not answered(as_json, **fitted.figures, written=done):
             show.print(say("spindle", **fitted.figures))
             tell_written(done)
@@ -240,7 +240,7 @@ def circle_by_iso_230_4(
     """Circular test (ISO 230-4) of two axes from a recording with circles in both senses."""
     with refused(as_json):
         made = machine_file.load(machine)
-        found = measurements.circle(Asked(made, {"axes": axes}, recording=recorded))
+        found = measurements.circle(Inputs(made, {"axes": axes}, recording=recorded))
         told = found.told
         drawn(found, plot)
         if answered(as_json, **told):
@@ -264,7 +264,7 @@ def tip_by_iso_10791_6(
     """Five-axis test with a sphere (ISO 10791-6): what the tip does that should stand while rotaries turn."""
     with refused(as_json):
         made = machine_file.load(machine)
-        found = measurements.tip(Asked(made, complete("tip", {"length": length}), recording=recorded))
+        found = measurements.tip(Inputs(made, complete("tip", {"length": length}), recording=recorded))
         told = found.told
         drawn(found, plot)
         if answered(as_json, **told):
@@ -357,7 +357,7 @@ def points(
         made = machine_file.load(machine)
         text = bytes(linked.linked(program.read_bytes(), linked.beside(program), made))
         values = complete("points", {"line": line, "along": along, "across": across})
-        told = measurements.points(Asked(made, values, text=text, program=str(program))).told
+        told = measurements.points(Inputs(made, values, text=text, program=str(program))).told
         print("feature,u,v,X,Y,Z,I,J,K")
         for row in told["points"]:
             numbers = (row["u"], row["v"], *row["point_mm"], *row["normal"])

@@ -54,7 +54,7 @@ def pocket(
 
 
 def lines(facts: dict[str, Any]) -> list[str]:
-    """What it tells, a line for each pocket."""
+    """Spindle and pockets, a line each."""
     spindle = facts.get("spindle")
     shown = say("changer_unknown") if spindle is None else f"T{spindle}" if spindle else say("changer_empty")
     told = [f"{say('changer_spindle')}: {shown}"]

@@ -144,7 +144,7 @@ def _refused(error: ProgramError, task: checked.Task) -> Row:
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
+class FolderCheck:
     """A folder, and how it is to be checked."""
 
     folder: Path
@@ -154,7 +154,7 @@ class Asked:
     report: Path | None
 
 
-def run(asked: Asked, spread: Spread, as_json: bool) -> None:
+def run(asked: FolderCheck, spread: Spread, as_json: bool) -> None:
     """All of a folder. Raises Refused where a program is, or none is there."""
     found = jobs(asked.folder, asked.machine, asked.block_delete)
     if not found:
@@ -182,7 +182,7 @@ def run(asked: Asked, spread: Spread, as_json: bool) -> None:
         show.print(_summed(rows))
 
 
-def _rows(asked: Asked, found: Sequence[Job], spread: Spread, quiet: bool) -> tuple[list[Row], str]:
+def _rows(asked: FolderCheck, found: Sequence[Job], spread: Spread, quiet: bool) -> tuple[list[Row], str]:
     """What came of each, and a warning where checks could not be stored, or ""."""
     rows, warning, wrong = list[Row](), "", 0
     with bar(say("cli.bar.checking"), quiet) as progress:

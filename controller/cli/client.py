@@ -204,7 +204,7 @@ def jog(
 
 
 def _at_limits(status: Mapping[str, Any]) -> list[str]:
-    """Names of the axes that stand at the end of their travel."""
+    """Names of the axes that are at the end of their travel."""
     return [name for name, row in (status.get("joints") or {}).items() if row["limit"]]
 
 

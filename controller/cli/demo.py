@@ -52,7 +52,7 @@ class Cut:
     """What came of it; ``rows`` are those of the recorder since the start was asked for."""
 
     rows: Rows
-    result: str  # as a job's state tells it
+    result: str  # as a job's state
     fault: Fault
     sentence: str  # why it was not completed; "" where it was
     skips: int

@@ -100,7 +100,7 @@ def place(index: int, sub: int) -> str:
 
 
 def _table(title: str, *columns: str, **values: object) -> Table:
-    """By the keys of its title and its columns, in which ``values`` stand."""
+    """By the keys of its title and its columns, with ``values`` in them."""
     heading = say(f"drive_table.title.{title}")
     table = Table(title=heading, title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     table.pad_edge = False

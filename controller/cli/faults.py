@@ -23,7 +23,7 @@ from drives.arranged import Arranged
 from drives.texts import filled
 
 Texts = Mapping[str, str]
-INDENT = (0, 0, 0, 4)  # columns of what stands under a fault's name
+INDENT = (0, 0, 0, 4)  # columns of what is under a fault's name
 
 
 def faults(

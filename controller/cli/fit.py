@@ -67,7 +67,7 @@ def fit(
             show.print(say("table.no_cutter", line=one.line, cutter=cutter, why=row.why))
 
 
-def _surfaces(program: Path, machine: Machine) -> Iterator[fits.Asked]:
+def _surfaces(program: Path, machine: Machine) -> Iterator[fits.SurfaceToFit]:
     """The surfaces of a program; raises ProgramError where one is none that could be cut."""
     name = str(program)
     text = linked.linked(program.read_bytes(), linked.beside(program), machine)
@@ -77,14 +77,14 @@ def _surfaces(program: Path, machine: Machine) -> Iterator[fits.Asked]:
             wrong = defect(surface)
             if wrong is not None and wrong.kind is not DefectKind.TWIST:
                 raise place.refusal(name, described(block, wrong))
-            yield fits.Asked(block, machine)
+            yield fits.SurfaceToFit(block, machine)
 
 
 def _finite(value: float) -> float | None:
     return value if value < 1e9 else None
 
 
-def _table(found: list[tuple[fits.Asked, list[fits.Best]]], tolerance: float) -> Table:
+def _table(found: list[tuple[fits.SurfaceToFit, list[fits.Best]]], tolerance: float) -> Table:
     heads = ("line", "cutter", "radius", "placement", "off", "of_table")
     table = tables.headed("table.fits", heads, ("cutter", "placement", "of_table"), tolerance=1e3 * tolerance)
     for one, best in found:

@@ -122,7 +122,7 @@ def _measured(
             raise Misunderstood(_say("nothing_measured"))
         if running:
             found, before = Measured(machine.period_s, host.core), host.tick_faults()
-            host_measure.listen(found, seconds, echoes, progress)
+            found.listen(seconds, echoes, progress)
             found.tick, after = self_test.running_tick(state), host.tick_faults()
             found.minor_faults, found.major_faults = after[0] - before[0], after[1] - before[1]
             return found
@@ -132,7 +132,7 @@ def _measured(
             ending.enter_context(contextlib.closing(bus.open(one, ()))) for one in buses if one.name in echoes
         ]
         found = Measured(machine.period_s, host.core_for(wake_ups.may_be_real_time()))
-        host_measure.run(found, seconds, echoes, senders, progress)
+        found.run(seconds, echoes, senders, progress)
         return found
 
 

@@ -27,7 +27,7 @@ app.command("new")(new)
 EXPECTED = (ConfigError,)
 SEAL = "# sha256 of all above: "
 MACHINE_FILE = "machine.toml"
-NAMES = ("name", "number", "object")  # what rows of a table are told apart by
+NAMES = ("name", "number", "object")  # what rows of a table are distinguished by
 
 
 @app.command()
@@ -132,7 +132,7 @@ def _alone(machine: str) -> dict[str, Any]:
 
 
 def _values(tree: Mapping[str, Any], where: str = "") -> Iterator[tuple[str, Any]]:
-    """Place and value of each key; the rows of a table are told apart by their name, number or object."""
+    """Place and value of each key; the rows of a table are distinguished by their name, number or object."""
     for key, value in tree.items():
         if isinstance(value, Mapping):
             yield from _values(value, f"{where}[{key}] ")

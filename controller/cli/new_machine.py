@@ -67,6 +67,19 @@ class Answers:
     spindle: str
     equipment: list[str]
 
+    def ask(self) -> None:
+        """One after the other, what was given as an option as the default."""
+        for kind in KINDS:
+            head = (SHIPPED / f"{kind}.toml").read_text(encoding="utf-8").partition("\n")[0]
+            show.print(f"  {kind:12} {head.strip('# ')}")
+        self.kind = _prompt("kind", self.kind)
+        self.interface = _prompt("interface", self.interface)
+        self.profile = _prompt("profile", self.profile, ", ".join(drive_profiles.shipped()))
+        self.eds = _prompt("eds", self.eds)
+        self.spindle = _prompt("spindle", self.spindle, ", ".join(SPINDLES))
+        parts = _prompt("with", " ".join(self.equipment), ", ".join(EQUIPMENT))
+        self.equipment = parts.replace(",", " ").split()
+
 
 def new(
     file: Annotated[Path, typer.Argument(metavar="FILE.toml")],
@@ -86,7 +99,7 @@ def new(
         new_files.target(file, overwrite, "FILE.toml", ".toml")
         answers = Answers(kind, interface, profile, eds, spindle, equipment or [])
         if ask:
-            _ask(answers)
+            answers.ask()
         tree = _tree(answers, file)
         if ask:
             _ask_axes(tree)
@@ -111,20 +124,6 @@ def _with_tools(text: str) -> str:
 
 
 # ---- answers
-
-
-def _ask(answers: Answers) -> None:
-    """One after the other, what was given as an option as the default."""
-    for kind in KINDS:
-        head = (SHIPPED / f"{kind}.toml").read_text(encoding="utf-8").partition("\n")[0]
-        show.print(f"  {kind:12} {head.strip('# ')}")
-    answers.kind = _prompt("kind", answers.kind)
-    answers.interface = _prompt("interface", answers.interface)
-    answers.profile = _prompt("profile", answers.profile, ", ".join(drive_profiles.shipped()))
-    answers.eds = _prompt("eds", answers.eds)
-    answers.spindle = _prompt("spindle", answers.spindle, ", ".join(SPINDLES))
-    parts = _prompt("with", " ".join(answers.equipment), ", ".join(EQUIPMENT))
-    answers.equipment = parts.replace(",", " ").split()
 
 
 def _ask_axes(tree: Tree) -> None:

@@ -20,7 +20,7 @@ from controller.motion.motions import SurfaceCut
 from controller.plan.report import survey
 from controller.plan.segment import PathItem
 from controller.post.chords import Form, poses
-from controller.post.text import Asked, post
+from controller.post.text import PostOptions, post
 from controller.program import blocks, linked
 from controller.program.program import CutBlock
 from controller.runtime import checked
@@ -120,7 +120,7 @@ def _compared(
     progress(0.3)
     texts = {}
     for k, (form, file) in enumerate(files.items()):
-        asked = Asked(task.machine, task.kinematics, form, chord, _offset(task), not exact)
+        asked = PostOptions(task.machine, task.kinematics, form, chord, _offset(task), not exact)
         text = post(ours.items, zip(fitted.orders, fitted.tools, strict=True), asked)
         again = checked.task(text.encode(), str(file), task.machine)
         texts[file] = text

@@ -181,7 +181,7 @@ def check(
                 from controller.cli import check_folder
 
                 place = store or stored.folder()
-                asked = check_folder.Asked(program, made, place, block_delete, report)
+                asked = check_folder.FolderCheck(program, made, place, block_delete, report)
                 check_folder.run(asked, spread, as_json)
                 return
             if report is not None:
@@ -261,7 +261,7 @@ def _print_check(
 
 
 def _show_check(program: Path, task: checked.Task, done: _Check, fitted: Path | None) -> None:
-    """Tables; what the data sheets say was told before."""
+    """Tables; what the data sheets say was shown before."""
     survey, kept = done.survey, done.kept
     if names := fittings.names(fitted):
         tell.print(fittings.sentence(names))

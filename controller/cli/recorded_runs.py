@@ -165,7 +165,7 @@ class RecordedRun:
         raise Refused(say("cli.replay.unreadable", parent=self._file.parent, why=spoilt.why))
 
     def _spoilt_lines(self, wanted: Comparison) -> Iterator[dict[str, Any]]:
-        """Lines of the events; behind the first that is lost the run may be another one from some tick on."""
+        """Lines of the events; after the first that is lost the run may be another one from some tick on."""
         ends = min(wanted.made, wanted.ticks) if wanted.lost_from is None else wanted.lost_from
         lost = self.recorded.lost
         for line in self.recorded.spoilt:

@@ -1,7 +1,7 @@
 """What lets others in, taken out of what goes to others: of texts that may hold it anywhere.
 
 What this shop has set (webhook, mail, password, hashes of passwords and tokens) is looked for as it is, and
-what looks like a key (tokens of ours, Bearer, a password in an address or behind an option, a private key) by
+what looks like a key (tokens of ours, Bearer, a password in an address or after an option, a private key) by
 its form. A crash report has a command line, a log what a library says of an address, a program whatever its
 writer put there.
 """
@@ -25,7 +25,7 @@ from controller.service import runs
 from controller.state import record_files
 
 INSTEAD = b"[taken out]"
-SHORTEST = 4  # characters; what is shorter stands in half of all words
+SHORTEST = 4  # characters; what is shorter is in half of all words
 _FORMS = re.compile(
     rb"(?P<token>\b" + re.escape(TOKEN_MARK.encode()) + rb"[\w-]{16,})"
     rb"|(?P<scheme>(?i:bearer|authorization:\s*\w+)\s+)[\w.~+/=-]{8,}"
@@ -43,7 +43,7 @@ _FORMS = re.compile(
     re.DOTALL,
 )
 _SET = ("webhook", "password", "user", "sender", "to")  # of the notices
-_STAYS = ("scheme", "cookie", "address", "query", "hook", "named", "option")  # what stands before a secret
+_STAYS = ("scheme", "cookie", "address", "query", "hook", "named", "option")  # what is before a secret
 
 
 def of_shop(store: Store) -> list[bytes]:

@@ -1,4 +1,4 @@
-"""``directrix serve``: the service of one machine, until it is told to end."""
+"""``directrix serve``: the service of one machine, until it is asked to end."""
 
 from __future__ import annotations
 

@@ -97,7 +97,7 @@ def _seen_by_a_service(source: str) -> None:
 
 
 def _needed(source: str) -> Iterator[tuple[str, str]]:
-    """What the services read, by the path that they are told and by the one where it ends."""
+    """What the services read, by the path that they are given and by the one where it ends."""
     python = Path(sys.executable).absolute()  # of a virtual environment: a link into the system's
     for path in dict.fromkeys((python, python.resolve())):
         yield say("cli.service.python"), str(path)

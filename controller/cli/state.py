@@ -46,7 +46,7 @@ GROUPS = (record_files.RUNS, record_files.RECORDINGS, "checks", arrangement.FOLD
 PROGRAMS = f"{own_folder.PANEL}/{FOLDER}/"
 
 
-class Found(NamedTuple):
+class FileCondition(NamedTuple):
     """A file, by its path in the state folder; ``why`` it is damaged, or cannot be read by who asks."""
 
     file: str
@@ -105,7 +105,7 @@ def list_requests(
         show.print(table)
 
 
-def _lines(found: list[Found]) -> Iterator[str]:
+def _lines(found: list[FileCondition]) -> Iterator[str]:
     """One each, but for the many of a folder that are as they should be."""
     counts = Counter((_group(one), one.condition) for one in found if one.why is None)
     for (name, condition), count in counts.items():
@@ -117,14 +117,14 @@ def _lines(found: list[Found]) -> Iterator[str]:
     yield say("cli.state.all", count=len(found), damaged=of[DAMAGED], unread=of[UNREAD])
 
 
-def _group(one: Found) -> str:
+def _group(one: FileCondition) -> str:
     first = Path(one.file).parts[0]
     if one.file.startswith(PROGRAMS):
         return PROGRAMS
     return f"{first}/" if first in GROUPS else one.file
 
 
-def look(state: Path) -> Iterator[Found]:
+def look(state: Path) -> Iterator[FileCondition]:
     """Every file of a state folder that is read again, in the order of their names. Raises OSError."""
     for name in owners.SEALED:
         yield from _held(state / name, state, _sealed)
@@ -138,7 +138,7 @@ def look(state: Path) -> Iterator[Found]:
         yield from _held(state / name, state, _rows)
     was = os.path.lexists(state / service_store.COPY) or sealed_file.is_marked(state / service_store.FILE)
     if was and not os.path.lexists(state / service_store.FILE):
-        yield Found(service_store.FILE, DAMAGED, message("sealed.gone"))
+        yield FileCondition(service_store.FILE, DAMAGED, message("sealed.gone"))
     folders = Folders.within(state)
     for folder, condition in ((folders.arranged, _record), (folders.checks, _sealed)):
         for name in own_files.names(folder, state):
@@ -151,7 +151,7 @@ def look(state: Path) -> Iterator[Found]:
             yield from _of_record(state / kind / name, state)
 
 
-def _of_record(folder: Path, state: Path) -> Iterator[Found]:
+def _of_record(folder: Path, state: Path) -> Iterator[FileCondition]:
     """Of a run or of a fault."""
     for name in (record_files.RUN, record_files.BEGUN):
         yield from _held(folder / name, state, _facts)
@@ -161,26 +161,26 @@ def _of_record(folder: Path, state: Path) -> Iterator[Found]:
         yield from _segments(table, folder, state)
 
 
-def _segments(table: Table, folder: Path, state: Path) -> Iterator[Found]:
+def _segments(table: Table, folder: Path, state: Path) -> Iterator[FileCondition]:
     """Of a run: each by itself."""
     for piece in table.pieces(folder):
         name = str(piece.file.relative_to(state))
-        yield Found(name, OK) if piece.spoilt is None else Found(name, DAMAGED, piece.spoilt)
+        yield FileCondition(name, OK) if piece.spoilt is None else FileCondition(name, DAMAGED, piece.spoilt)
 
 
-def _held(file: Path, state: Path, condition: Callable[[Path, Path], Condition]) -> Iterator[Found]:
+def _held(file: Path, state: Path, condition: Callable[[Path, Path], Condition]) -> Iterator[FileCondition]:
     """What a look at a file finds; nothing where it is not there."""
     name = str(file.relative_to(state))
     if not os.path.lexists(file):
         return
     try:
-        yield Found(name, condition(file, state))
+        yield FileCondition(name, condition(file, state))
     except PermissionError as error:
-        yield Found(name, UNREAD if error.errno == errno.EACCES else DAMAGED, of_error(error))
+        yield FileCondition(name, UNREAD if error.errno == errno.EACCES else DAMAGED, of_error(error))
     except WRONG as error:
-        yield Found(name, DAMAGED, of_error(error))
+        yield FileCondition(name, DAMAGED, of_error(error))
     except sqlite3.Error as error:
-        yield Found(name, DAMAGED, messages.plain(str(error)))
+        yield FileCondition(name, DAMAGED, messages.plain(str(error)))
 
 
 # -- each raises one of the above for what is damaged

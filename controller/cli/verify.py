@@ -41,8 +41,8 @@ BOUND_S = 5.0  # that the search for one surface takes, about
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
-    """Everything that is told of a program or of a trace."""
+class Verification:
+    """Everything that is reported of a program or of a trace."""
 
     of: str  # 'plan', 'actual', 'commanded'
     judged: list[Judged]
@@ -163,7 +163,7 @@ def of_run(folder: Path) -> dict[str, Any]:
     return {**told, "partial": bool(spoilt)}
 
 
-def judged(task: checked.Task, as_json: bool) -> Found:
+def judged(task: checked.Task, as_json: bool) -> Verification:
     """A program as it is planned. Raises ProgramError."""
     with bar(say("cli.bar.verifying"), as_json) as progress:
         return _found(_lenient(task), None, False, progress, here)
@@ -228,7 +228,7 @@ def _recorded(file: Path, task: checked.Task) -> trace.Trace:
 
 def _found(
     task: checked.Task, recorded: trace.Trace | None, commanded: bool, progress: Any, spread: Spread
-) -> Found:
+) -> Verification:
     checked.place_ahead(task, spread)
     walk = checked.path_of(task, checked.chosen_for(task, lambda share: progress(0.1 * share)))
     watched = Watched(walk.items)
@@ -251,7 +251,7 @@ def _found(
     ]
     of = "plan" if recorded is None else "commanded" if commanded else "actual"
     verdicts = [one for one in seen.verdicts if one.line not in left]
-    return Found(of, judged, seen.gouges, seen.ends, verdicts, notes)
+    return Verification(of, judged, seen.gouges, seen.ends, verdicts, notes)
 
 
 def _findings_of_trace(
@@ -314,7 +314,7 @@ def _errors_mm(recorded: trace.Trace, task: checked.Task, ways: Mapping[Tool, li
 # ---- for people --------------------------------------------------------------------
 
 
-def show_found(found: Found) -> None:
+def show_found(found: Verification) -> None:
     """The table of the surfaces, gouges, bounds and verdicts."""
     for note in found.notes:
         tell.print(say("table.note", line=note.place.line, note=note.said))
@@ -336,7 +336,7 @@ def _show_gouge(one: Gouge, key: str) -> None:
     show.print(in_words(one.with_advice(key, line=one.by_line)))
 
 
-def _table(found: Found) -> Table:
+def _table(found: Verification) -> Table:
     heads = ("line", "where", "overcut_um", "undercut", "mean", "percentile", "worst_at")
     of = messages.Key(f"table.of_{found.of}")
     table = tables.headed("table.judged", heads, left=("where", "worst_at"), of=of)

@@ -15,7 +15,7 @@ from controller.cli.speech import say
 from controller.verify.console import Refused, answered, bar, show, tell
 
 POLL_S = 0.2  # between two looks
-SILENT_S = 15.0  # so long nobody may tell of the run before its end is given up
+SILENT_S = 15.0  # so long nobody may know of the run before its end is given up
 MAX_RUNS = 200  # of the list, in which an ended one is looked for
 COMPLETED = "completed"
 UNKNOWN = "unknown"

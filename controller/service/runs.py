@@ -39,7 +39,7 @@ from controller.runtime import events
 from controller.runtime.plan_messages import Program, Turn
 from controller.runtime.recording import new_folder
 from controller.runtime.starts import Start
-from controller.service.engine import Asked
+from controller.service.engine import SentRequest
 from controller.service.journal import sha256
 from controller.service.run_file import RowEvents, RunEvents, RunFile
 from controller.state import record_files
@@ -115,7 +115,7 @@ class RunRecord:
 
     # -- while it runs
 
-    def take(self, rows: Rows, asked: deque[Asked] | None = None, now: Snapshot | None = None) -> None:
+    def take(self, rows: Rows, asked: deque[SentRequest] | None = None, now: Snapshot | None = None) -> None:
         """The next rows of the recorder, and what was ``asked`` of the tick; what came is taken from it.
 
         ``now`` is a snapshot from after these rows: it tells what came of the requests.
@@ -195,7 +195,7 @@ class RunRecord:
         self._ticks, self._last_tick = self._ticks + len(sent), int(sent[-1, COLUMN["tick"]])
 
     def _of_run(self, sent: Rows) -> Rows:
-        """The rows up to the one that found the end: what stands behind it is only the looking whether it
+        """The rows up to the one that found the end: what follows it is only the looking whether it
         stands. Those are kept for the moment that the run goes on.
         """
         behind = np.concatenate([self._behind, sent])

@@ -197,11 +197,13 @@ async def _facts(panel: Panel, wanted: Callable[[], Sequence[Program]]) -> list[
 
 
 def _brief(program: models.ProgramFacts) -> models.ProgramFacts:
-    check = program.check
-    if check is not None:
-        check.result = {key: check.result[key] for key in IN_LISTS if key in check.result}
-        check.verdict = check.verdict and check.verdict.model_copy(update={"surfaces": []})
-    return program
+    if (check := program.check) is None:
+        return program
+    result = {key: check.result[key] for key in IN_LISTS if key in check.result}
+    verdict = check.verdict and check.verdict.model_copy(update={"surfaces": []})
+    return program.model_copy(
+        update={"check": check.model_copy(update={"result": result, "verdict": verdict})}
+    )
 
 
 def _check(panel: Panel, program: Program) -> models.CheckFacts:
