@@ -16,20 +16,20 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from fastapi import APIRouter, Request, Response
+from fastapi import Request, Response
 from prometheus_client import CollectorRegistry, generate_latest
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily
 from prometheus_client.registry import Collector
 
 from controller import messages
-from controller.api.access import needs, panel_of
-from controller.api.answers import VARY, Refusal, documented, spoken
+from controller.api.access import panel_of
+from controller.api.answers import VARY, Refusal, spoken
 from controller.api.app_state import Panel
-from controller.api.roles import Role
+from controller.api.router import VIEW, Router, body
 from controller.api.store import Sizes
 from controller.state.modes import SHOWN_MODES
 
-router = APIRouter(tags=["metrics"])
+router = Router(tags=["metrics"])
 KIND = "text/plain; version=0.0.4; charset=utf-8"
 ENDS = ("completed", "stopped", "refused", "fault", "interrupted", "lost")  # of a run
 
@@ -67,12 +67,7 @@ class Kept:
     readable: bool = False
 
 
-@router.get(
-    "/metrics",
-    dependencies=[needs(Role.VIEW)],
-    response_class=Response,
-    responses={200: {"content": {"text/plain": {"schema": {"type": "string"}}}}, **documented(401, 403)},
-)
+@router.get("/metrics", VIEW, carries=body("text/plain", is_text=True))
 async def metrics(request: Request) -> Response:
     """Figures for Prometheus; directrix_up tells whether the service answers."""
     panel = panel_of(request)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import re
 from collections.abc import Sequence
@@ -12,17 +11,13 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from controller import messages
 from controller.cli import new_files
-from controller.cli.new_files import Overwrite
-from controller.cli.speech import speaking
 from controller.geometry.vectors import Frame, Vector, add, rotate
 from controller.machine import machine_file
 from controller.machine.model import Machine, Tool
-from controller.machine.toml_table import ConfigError
 from controller.messages import message
 from controller.program import blocks
-from controller.verify.console import Refused, bar, refusals, say, spoken
+from controller.verify.console import Refused, answered, bar, in_words, refusals, say
 
 if TYPE_CHECKING:  # OpenCASCADE takes its time to load, and is an extra
     from controller.cad.deviation import Deviation
@@ -32,26 +27,6 @@ if TYPE_CHECKING:  # OpenCASCADE takes its time to load, and is an extra
     from controller.cli.cad_tables import Seen
     from controller.geometry.arrays import Array
 
-Argument = Annotated[Path, typer.Argument()]
-ListOnly = Annotated[bool, typer.Option("--list")]
-Plot = Annotated[Path | None, typer.Option("--plot")]
-Faces = Annotated[str, typer.Option("--faces")]
-Out = Annotated[Path | None, typer.Option("--out")]
-MachineFile = Annotated[str, typer.Option("--machine")]
-ToolNumber = Annotated[int, typer.Option("--tool")]
-Feed = Annotated[float, typer.Option("--feed")]
-Spindle = Annotated[float, typer.Option("--spindle")]
-Direction = Annotated[Literal["climb", "conventional"], typer.Option("--direction")]
-Placement = Annotated[Literal["single", "double", "optimal", "machine"], typer.Option("--placement")]
-OtherSide = Annotated[str, typer.Option("--other-side")]
-Tolerance = Annotated[float, typer.Option("--tolerance")]
-Whole = Annotated[bool, typer.Option("--whole")]
-Prolong = Annotated[float, typer.Option("--prolong")]
-OtherRulings = Annotated[str, typer.Option("--other-rulings")]
-Move = Annotated[str, typer.Option("--move")]
-Turn = Annotated[str, typer.Option("--turn")]
-Verify = Annotated[bool, typer.Option("--verify")]
-Json = Annotated[bool, typer.Option("--json")]
 
 AXES: dict[str, Vector] = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0), "Z": (0.0, 0.0, 1.0)}
 GROUPS = ("all", "blades")  # of faces, that --faces names
@@ -60,36 +35,31 @@ PROGRAM_SUFFIXES = (".ngc", ".nc", ".tap", ".cnc", ".txt", ".mpf", ".h")
 MICRON_MM = 1e-3  # a written surface is at least so near to its face
 
 
-def register(app: typer.Typer) -> None:
-    """``import`` is a word of Python's, so the function cannot have that name."""
-    app.command("import")(speaking(import_))
-
-
 def import_(
-    file: Argument,
-    only_list: ListOnly = False,
-    plot: Plot = None,
-    faces: Faces = "",
-    out: Out = None,
-    overwrite: Overwrite = False,
-    machine: MachineFile = "trunnion",
-    tool: ToolNumber = 0,
-    feed: Feed = 300.0,
-    spindle: Spindle = 8000.0,
-    direction: Direction = "climb",
-    placement: Placement = "double",
-    other_side: OtherSide = "",
-    tolerance: Tolerance = 0.001,
-    whole: Whole = False,
-    prolong: Prolong = 0.0,
-    other_rulings: OtherRulings = "",
-    move: Move = "",
-    turn: Turn = "",
-    verify: Verify = False,
-    as_json: Json = False,
+    file: Path,
+    only_list: Annotated[bool, typer.Option("--list")] = False,
+    plot: Path | None = None,
+    faces: str = "",
+    out: Path | None = None,
+    overwrite: bool = False,
+    machine: str = "trunnion",
+    tool: int = 0,
+    feed: float = 300.0,
+    spindle: float = 8000.0,
+    direction: Literal["climb", "conventional"] = "climb",
+    placement: Literal["single", "double", "optimal", "machine"] = "double",
+    other_side: str = "",
+    tolerance: float = 0.001,
+    whole: bool = False,
+    prolong: float = 0.0,
+    other_rulings: str = "",
+    move: str = "",
+    turn: str = "",
+    verify: bool = False,
+    as_json: bool = False,
 ) -> None:
     """Find the ruled faces of a STEP file or CAM lines (--list), and write a program that cuts some."""
-    with refusals(as_json, lambda: (ConfigError,)):
+    with refusals(as_json):
         if only_list == bool(faces):
             raise Refused(say("cli.import.either"))
         for name, value in (("--feed", feed), ("--spindle", spindle), ("--tolerance", tolerance)):
@@ -159,12 +129,7 @@ def import_(
 
 
 def _tell(
-    file: Path,
-    target: Path,
-    cutter: Tool,
-    rows: list[dict[str, Any]],
-    machine: Machine | None,
-    as_json: bool,
+    file: Path, target: Path, cutter: Tool, rows: list[dict[str, Any]], machine: Machine | None, as_json: bool
 ) -> None:
     """What was written; with a machine also what comes of it there. Raises Refused where that is wrong."""
     facts = {"file": str(file), "program": str(target), "tool": cutter.number, "faces": rows}
@@ -175,8 +140,7 @@ def _tell(
         facts |= figures
         if wrong:
             raise Refused(wrong, **facts)
-    if as_json:
-        print(json.dumps({"ok": True, **facts}))
+    answered(as_json, **facts)
 
 
 # ---- what is asked for ---------------------------------------------------------------
@@ -247,7 +211,7 @@ def _part(file: Path, placed: Frame) -> Part:
         with kernel.failures():
             return kernel.read(file, placed)
     except kernel.CadError as error:
-        raise Refused(messages.text(error.said, spoken.get())) from error
+        raise Refused(in_words(error.said)) from error
     except kernel.Failure as error:
         raise Refused(say("cli.import.unreadable", file=file, why=error)) from error
 
@@ -339,7 +303,7 @@ def _tool(machine: Machine, number: int, strips: Sequence[Strip]) -> Tool:
         try:
             return fitting(strips, machine)
         except NoTool as error:
-            raise Refused(messages.text(error.said, spoken.get())) from None
+            raise Refused(in_words(error.said)) from None
     found = machine.tool(number)
     if found is None:
         known = ", ".join(f"T{tool.number}" for tool in machine.tools)

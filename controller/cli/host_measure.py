@@ -107,11 +107,7 @@ Heard = Callable[[float], None]  # of the share that is done
 
 
 def run(
-    found: Measured,
-    seconds: float,
-    echoes: Mapping[str, Echoes],
-    senders: Sequence[bus.Port],
-    heard: Heard,
+    found: Measured, seconds: float, echoes: Mapping[str, Echoes], senders: Sequence[bus.Port], heard: Heard
 ) -> None:
     """Turns for ``seconds`` in all; Ctrl-C ends it, with what was found until then."""
     found.syncs = {name: echo.off for name, echo in echoes.items()}

@@ -82,7 +82,7 @@ NOT_DONE: tuple[Code, ...] = (
     # --- what is refused, and what to write instead
     *refused(LINUXCNC, "G7 G8 G70 G71 G71.1 G71.2 G72 G72.1 G72.2 G76 G44 G87", dialect="rs274"),
     *refused(LINUXCNC, "G5.2", dialect="fanuc"),
-    *refused(FANUC, "G53.3 G7 G12.1 G43.3 G45 G46 G47 G48 G60 G63 G107", dialect="fanuc"),
+    *refused(FANUC, "G53.3 G7 G12.1 G43.3 G45 G46 G47 G48 G63 G107", dialect="fanuc"),
     *refused(LINUXCNC, "G17.1 G18.1 G19.1 G88 G96"),
     *refused(FANUC, "G22 G26 G27 G29"),
     *refused(FANUC, "G16 G65 G66", dialect="rs274"),
@@ -177,7 +177,12 @@ ROWS: tuple[Code, ...] = (
         ("G13", "XYZIKQDL", "circular pocket, counter-clockwise"),
         dialect="fanuc",
     ),
-    *done("motion", FANUC, ("G31", AXES, "skip: as G38.3"), dialect="fanuc"),
+    *done(
+        "motion",
+        FANUC,
+        ("G31", AXES + "PR", "skip: as G38.3; P1 to P4, R0 and R1 choose nothing"),
+        dialect="fanuc",
+    ),
     *done("motion", FANUC, ("G6.2", "PQ", "ruled surface between two NURBS curves")),
     *done(
         "one-line",
@@ -208,6 +213,7 @@ ROWS: tuple[Code, ...] = (
         dialect="fanuc",
     ),
     *done("one-line", NIST, ("G92.1", "", "cancels the shift of G92"), dialect="rs274"),
+    *done("one-line", FANUC, ("G60", "", "this line as G0, whatever is modal"), dialect="fanuc"),
     *alone(done("one-line", FANUC, ("G92.1", "", "cancels the shift of G92"), dialect="fanuc")),
     *done("one-line", NIST, ("G4", "P", "dwell of P seconds"), dialect="rs274"),
     *done("one-line", FANUC, ("G4", "PXU", "dwell of P, X, U seconds; ms without a point"), dialect="fanuc"),

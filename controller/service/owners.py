@@ -68,7 +68,7 @@ class Owners:
         self.journal = Journal(self.store, last=entry)
         for damaged in (*self.store.losses, *losses):
             self.alarms.add(alarms.DAMAGE, damaged)
-        for lost in runs.settle(state):
+        for lost in runs.settle(self.store, state):
             self.alarms.add(runs.ALARM, lost)
         runs.index(self.store, state)
         sealed_file.mark(state, SEALED)

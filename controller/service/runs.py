@@ -284,10 +284,14 @@ def _write_facts(file: Path, facts: dict[str, Any]) -> None:
     atomic_file.write(file, sealed_file.text(facts, file.name), file.parent.parent.parent)
 
 
+def plain(name: str) -> str:
+    """What the record of a program is called by."""
+    return re.sub(r"[^A-Za-z0-9._-]+", "_", name)[:60].strip(".") or "program"
+
+
 def _stem(name: str) -> str:
-    plain = re.sub(r"[^A-Za-z0-9._-]+", "_", name)[:60].strip(".") or "program"
     now_s = time.time()  # to the millisecond, so that the names' order is that of the runs
-    return time.strftime(_STEM, time.localtime(now_s)) + f".{int(now_s * 1e3) % 1000:03d}-{plain}"
+    return time.strftime(_STEM, time.localtime(now_s)) + f".{int(now_s * 1e3) % 1000:03d}-{plain(name)}"
 
 
 def index(store: ServiceStore, state: Path) -> None:
@@ -307,9 +311,10 @@ def _read(state: Path, name: str, file: str) -> dict[str, Any]:
     return {}
 
 
-def settle(state: Path) -> list[Message]:
+def settle(store: ServiceStore, state: Path) -> list[Message]:
     """Runs that a service before this one began and did not end are lost: such a run ended when the last of
-    its setpoints was written. What cannot be read of beginnings and ends is put aside, and said by alarms.
+    its setpoints was written. What cannot be read of beginnings and ends is put aside, and said by alarms; an
+    end that has a row is written anew. Raises OSError.
     """
     found = []
     for name in own_files.names(state / FOLDER, state):
@@ -321,7 +326,8 @@ def settle(state: Path) -> list[Message]:
         with contextlib.suppress(OSError):
             if there and not os.path.lexists(folder / RUN):
                 begun = _read(state, name, BEGUN) or _of_name(name)
-                _write_facts(folder / RUN, {**begun, **_ended(folder, state)})
+                known = history.end_of(store, name) or {**begun, **_ended(folder, state)}
+                _write_facts(folder / RUN, known)
             own_files.remove(folder / BEGUN, state)
     return found
 

@@ -15,9 +15,9 @@ import numpy as np
 
 from controller.geometry.arrays import Array, Flags, columns
 from controller.geometry.vectors import Vector
-from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine
 from controller.motion.motions import Rotaries
+from controller.plan.context import Context
 from controller.plan.lines import lines, moves, rows
 from controller.plan.lines.corners import Feed
 from controller.plan.lines.lines import Stand
@@ -64,8 +64,8 @@ def may_run_on(block: Block, machine: Machine) -> TypeGuard[Line]:
 class Waiting:
     """Collects lines until it is known which of their corners are meant."""
 
-    def __init__(self, machine: Machine, kinematics: Kinematics) -> None:
-        self._machine, self._kinematics = machine, kinematics
+    def __init__(self, context: Context) -> None:
+        self._context = context
         self.forget()
 
     def forget(self) -> None:
@@ -124,7 +124,7 @@ class Waiting:
         The corner is seen beside the straight way (tip and axis together) from the line's beginning
         to the end of the next, each in shares of its tolerance.
         """
-        machine = self._machine
+        machine = self._context.machine
         tip = places[:, :3]
         way = np.diff(tip, axis=0)
         length = np.sqrt((way * way).sum(axis=1))
@@ -156,15 +156,15 @@ class Waiting:
         """Tip and axis (or X Y Z and rotaries of the machine) where the lines meet, (n + 1, 6 or 5)."""
         if isinstance(blocks[0], TipLine):
             return self._of_tips([b for b in blocks if isinstance(b, TipLine)], begin)
-        machine, kinematics, ats = self._machine, self._kinematics, [begin]
+        kinematics, ats = self._context.kinematics, [begin]
         for block in blocks:
             if isinstance(block, JointLine):
-                ats.append(begin._replace(joints=moves.target(block, machine, kinematics, ats[-1].joints)))
+                ats.append(begin._replace(joints=moves.target(block, self._context, ats[-1].joints)))
         rows_of = [(*xyz_of(at.joints, kinematics), *rotaries_of(at.joints, kinematics)) for at in ats]
         return np.array(rows_of), ats
 
     def _of_tips(self, blocks: list[TipLine], begin: _At) -> tuple[Array, list[_At]]:
-        part = blocks[0].modal.frame(self._machine)
+        part = blocks[0].modal.frame(self._context.machine)
         here, tips, ats = part.from_parent(begin.tip), [], [begin]
         for block in blocks:
             here = lines.tip_of(block, here)
@@ -188,8 +188,8 @@ class Waiting:
     def _axes(self, turned: Array) -> Array:
         """Tool axes (N, 3) of rotaries (N, 2)."""
         none = np.zeros(len(turned))
-        joints = self._kinematics.arrange((none, none, none, turned[:, 0], turned[:, 1]))
-        return columns(self._kinematics.forward(joints, 0.0, np).axis, len(turned))
+        joints = self._context.kinematics.arrange((none, none, none, turned[:, 0], turned[:, 1]))
+        return columns(self._context.kinematics.forward(joints, 0.0, np).axis, len(turned))
 
 
 def _vectors(blocks: list[TipLine], begin: _At, frame: Array) -> Array:

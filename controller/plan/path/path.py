@@ -20,6 +20,7 @@ from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine
 from controller.messages import Message, message
 from controller.motion.motions import JointMove, Rotaries, SurfaceCut, ToolLine
+from controller.plan.context import Context
 from controller.plan.lines import exact_rows, lines, meant, moves, rows, spline_moves
 from controller.plan.lines.corners import Feed
 from controller.plan.lines.lines import Stand
@@ -29,7 +30,6 @@ from controller.plan.path.outputs import Switched
 from controller.plan.rotaries.branch import joints_along
 from controller.plan.segment import (
     ContinuousPath,
-    Diagnostics,
     Note,
     Path,
     PathItem,
@@ -130,15 +130,14 @@ class PathBuilder:
         start: Joints,
         chosen: Mapping[int, Rotaries],
     ) -> None:
-        self._machine, self._kinematics = machine, kinematics
         self._chosen = chosen  # rotaries at the start of a train, by the order of its first block
-        self._voice = Diagnostics(name, self._note)
+        self._context = context = Context(machine, kinematics, name, self._note)
         self._items: list[PathItem] = []  # not given away yet
         self._ahead = Ahead(iter(()))
         self.notes: list[Note] = []
         self._row: LineRow | None = None  # of lines and arcs under G64 P, or of lines that run on
-        self._waiting = meant.Waiting(machine, kinematics)
-        self._exact_lines = exact_rows.ExactLines(machine, kinematics, self._voice)
+        self._waiting = meant.Waiting(context)
+        self._exact_lines = exact_rows.ExactLines(context)
         self._stand: Stand | None = None  # of the tool after the last block of G43.4 or G43.5
         self._run: list[Segment] = []  # feed moves that still run through
         self._blends_noted = False
@@ -148,9 +147,9 @@ class PathBuilder:
 
     def items(self, blocks: Iterable[Block]) -> Iterator[PathItem]:
         """The path of all blocks, as it is made; before a block that is refused comes all that is sound."""
-        switched = Switched(self._machine)
+        switched = Switched(self._context.machine)
         items = switched.laid(self._sound_items(switched.read(blocks)))
-        return clamps.opened(items, self._machine, self._kinematics)
+        return clamps.opened(items, self._context.machine, self._context.kinematics)
 
     def _sound_items(self, blocks: Iterable[Block]) -> Iterator[PathItem]:
         try:
@@ -205,7 +204,7 @@ class PathBuilder:
         if isinstance(block, Remark):
             self._note(block.place, block.said)
             return
-        if meant.may_run_on(block, self._machine):
+        if meant.may_run_on(block, self._context.machine):
             self._lay_exact_lines(True)
             self._wait(block)
             return
@@ -244,14 +243,13 @@ class PathBuilder:
 
     def _exact(self, block: JointMotion) -> None:
         """G0 to G5.2 without a tool-centre mode, as it stands there."""
-        machine, kinematics, now = self._machine, self._kinematics, self.now
         made: Sequence[Segment | None]
         if isinstance(block, JointCurve):
-            made = spline_moves.segments(block, machine, kinematics, now, self._voice)
+            made = spline_moves.segments(block, self._context, self.now)
         elif isinstance(block, JointLine):
-            made = [moves.line(block, machine, kinematics, now)]
+            made = [moves.line(block, self._context, self.now)]
         else:
-            made = [moves.arc(block, machine, kinematics, now, self._voice)]
+            made = [moves.arc(block, self._context, self.now)]
         for segment in made:
             self._move(segment, block.relative)
 
@@ -263,9 +261,9 @@ class PathBuilder:
         self._rest()
         ways = [one for one in self._items[made:] if isinstance(one, ContinuousPath)]
         if not ways:
-            self._voice.refuse(block.place, message("probing.no_way", code=probe.code))
+            self._context.refuse(block.place, message("probing.no_way", code=probe.code))
         self._items[made:] = [
-            outputs.probing_way(one, probe, block.modal.tool, self._machine, self._voice) for one in ways
+            outputs.probing_way(one, probe, block.modal.tool, self._context) for one in ways
         ]
         self._pause(Pause(block.place, block.modal, act=Act.PROBE, probe=probe, ends=True))
 
@@ -275,21 +273,20 @@ class PathBuilder:
         """The tool where the path has come to, as programmed if the last block moved it so."""
         stand = self._stand
         if stand is None or stand.joints != self.now or stand.length_mm != length_mm:
-            stand = Stand.at(self.now, length_mm, self._kinematics)
+            stand = Stand.at(self.now, length_mm, self._context.kinematics)
         return stand
 
     def _tool(self, block: TipLine) -> None:
         """G0 or exact G1 under G43.4 or G43.5."""
         stand = self._standing(block.modal.length_mm)
-        machine, kinematics = self._machine, self._kinematics
         made: list[Segment] = []
         if block.feed_mm_s is None and not block.stands:
             following = self._ahead.lines_like(block) if block.axis is not None else []
             wanted = self._chosen.get(block.place.order)
-            one, stand = lines.rapid(block, stand, following, wanted, machine, kinematics, self._voice)
+            one, stand = lines.rapid(block, stand, following, wanted, self._context)
             made += [one] if one is not None else []
         else:
-            made, stand = lines.exact(block, stand, machine, kinematics, self._voice)
+            made, stand = lines.exact(block, stand, self._context)
         for segment in made:
             if segment.name == "swivel":
                 self._rest()
@@ -365,7 +362,7 @@ class PathBuilder:
             if not self._runs_on(block):
                 self._leave()
             stand = self._standing(block.modal.length_mm)
-            self._row = LineRow(block, stand, self._machine, self._kinematics, self._voice)
+            self._row = LineRow(block, stand, self._context)
         self._row.add(block)
         if self._row.full:
             self._rest()
@@ -410,8 +407,8 @@ class PathBuilder:
         except ProgramError:
             self._end_row()
             raise
-        for members, meetings in train.trains(ready, self._machine, self._kinematics, self._voice):
-            if self._row is None and self._machine.link_mm <= 0.0:
+        for members, meetings in train.trains(ready, self._context):
+            if self._row is None and self._context.machine.link_mm <= 0.0:
                 self._leave()
             self._train(members, meetings)
 
@@ -423,7 +420,7 @@ class PathBuilder:
             if doubt and doubt["key"] not in told:
                 told.add(doubt["key"])
                 self._note(block.place, doubt)
-            ready += auto.build(block, self._machine, self._voice)
+            ready += auto.build(block, self._context)
         return ready
 
     def _train(self, members: Sequence[cuts.Cut], meetings: Sequence[train.Meeting]) -> None:
@@ -433,29 +430,29 @@ class PathBuilder:
             legs, run = begun
         else:
             self._leave()
-            legs = self._legs(members, rotaries_of(self.now, self._kinematics))
-            onto = leads.lay(legs, True, self._machine, self._kinematics, self._voice)
-            for chain in approach.arrive(legs, onto, self.now, self._machine, self._kinematics):
+            legs = self._legs(members, rotaries_of(self.now, self._context.kinematics))
+            onto = leads.lay(legs, True, self._context)
+            for chain in approach.arrive(legs, onto, self.now, self._context):
                 self._chain(chain)
             run = list(onto.segments)
         self._way = _Way(legs, self._cut(legs, meetings, run))
 
     def _legs(self, members: Sequence[cuts.Cut], near: Rotaries) -> list[CutSegment]:
         wanted = self._chosen.get(members[0].block.place.order)
-        return train.choose(members, self._machine, self._kinematics, near, self._voice, wanted)
+        return train.choose(members, self._context, near, wanted)
 
     def _linked(self, members: Sequence[cuts.Cut]) -> tuple[list[CutSegment], list[Segment]] | None:
         """The next train and the run with the link to it; None where the tool goes up between them."""
         if self._way is None:
             return None
         before, run = self._way
-        if not links.reaches(before[-1].cut, members[0], self._machine):
+        if not links.reaches(before[-1].cut, members[0], self._context.machine):
             return None
         try:
             legs = self._legs(members, before[-1].end)
         except ProgramError:  # it may be cut from where a departure leads
             return None
-        link = links.lay(before, legs, self._machine, self._kinematics)
+        link = links.lay(before, legs, self._context)
         return (legs, [*run, link]) if link is not None else None
 
     def _entered(self, members: Sequence[cuts.Cut]) -> tuple[list[CutSegment], list[Segment]] | None:
@@ -466,7 +463,7 @@ class PathBuilder:
         entered = None
         if chains:
             last = chains[-1].segments[-1]
-            entered = line_blends.onto(last, row.modal, members, self._machine, self._kinematics, self._voice)
+            entered = line_blends.onto(last, row.modal, members, self._context)
         if entered is None:
             self._ended(row, only, chains)
             self._rest()
@@ -481,15 +478,13 @@ class PathBuilder:
         if way is None:
             return False
         before, self.now = self.now, way.run[-1].end
-        row = LineRow(
-            block, self._standing(block.modal.length_mm), self._machine, self._kinematics, self._voice
-        )
+        row = LineRow(block, self._standing(block.modal.length_mm), self._context)
         row.add(block)
         try:
             first = [segment for chain in row.chains(True) for segment in chain.segments][:1]
         except ProgramError:  # it may run from where a departure leads
             first = []
-        why = line_blends.departs(way.legs, way.run, first, block.modal, self._machine, self._kinematics)
+        why = line_blends.departs(way.legs, way.run, first, block.modal, self._context)
         if why is None:
             return True
         self.now = before
@@ -502,7 +497,7 @@ class PathBuilder:
         assert self._way is not None
         (legs, run), self._way = self._way, None
         first, *rest = chain.segments
-        found = line_blends.off(legs, run, first, modal, self._machine, self._kinematics, self._voice)
+        found = line_blends.off(legs, run, first, modal, self._context)
         if found is None:
             self._chain(ContinuousPath(tuple(run)))
             return chain
@@ -515,9 +510,9 @@ class PathBuilder:
         if self._way is None:
             return
         (legs, run), self._way = self._way, None
-        off = leads.lay(legs, False, self._machine, self._kinematics, self._voice)
+        off = leads.lay(legs, False, self._context)
         self._chain(ContinuousPath((*run, *off.segments)))
-        for chain in approach.depart(legs, off, self._machine, self._kinematics):
+        for chain in approach.depart(legs, off, self._context):
             self._chain(chain)
 
     def _cut(
@@ -526,9 +521,9 @@ class PathBuilder:
         """``run`` with the cuts and the pivots between them; a swivel at a pole stands alone."""
         run.append(legs[0].segment)
         for (before, after), meeting in zip(itertools.pairwise(legs), meetings, strict=True):
-            for segment in approach.between(before, after, meeting, self._kinematics):
+            for segment in approach.between(before, after, meeting, self._context.kinematics):
                 if segment.name == "swivel":
-                    self._note(segment.place, poles.standing(segment, before, after, self._machine))
+                    self._note(segment.place, poles.standing(segment, before, after, self._context.machine))
                     self._way = None  # of a train before that is linked: here it is
                     self._chain(ContinuousPath(tuple(run)))
                     self._chain(ContinuousPath((segment,)))
@@ -551,7 +546,7 @@ class PathBuilder:
         """Which corners of lines are not exact, once."""
         if not self._blends_noted:
             self._blends_noted = True
-            mm, degrees = self._machine.joint_tolerance_mm, self._machine.joint_tolerance_deg
+            mm, degrees = self._context.machine.joint_tolerance_mm, self._context.machine.joint_tolerance_deg
             self._note(place, message(key, mm=mm, degrees=degrees))
 
     def _pause(self, pause: Pause) -> None:
@@ -575,9 +570,7 @@ class PathBuilder:
             self._rest()
 
     def _runs_through(self, before: Segment, after: Segment) -> bool:
-        return moves.runs_through(before, after) or lines.runs_through(
-            before, after, self._machine, self._kinematics
-        )
+        return moves.runs_through(before, after) or lines.runs_through(before, after, self._context)
 
     def _rest(self) -> None:
         if self._run:
@@ -593,19 +586,21 @@ class PathBuilder:
     def _audit(self, segment: Segment, relative: bool = False) -> None:
         """Travel of everything that is not a cut: those were audited as their branch was chosen."""
         if isinstance(segment.motion, ToolLine):
-            rows.audit_line(segment, self._machine, self._kinematics, self._voice)
+            rows.audit_line(segment, self._context)
         turns = isinstance(segment.motion, SurfaceCut) and not segment.cutting  # a pivot of placed axes
         if not isinstance(segment.motion, JointMove) and not turns:
             return
-        excess = audit.outside_at(self._machine, segment.end)
+        excess = audit.outside_at(self._context.machine, segment.end)
         if excess is None and segment.name in ("arc", "curve", "lead in", "lead out", "pivot", "swivel"):
             s = np.linspace(0.0, segment.motion.end, ARC_SAMPLES)
-            excess = audit.outside(self._machine, s, joints_along(segment, s, self._kinematics))
+            excess = audit.outside(
+                self._context.machine, s, joints_along(segment, s, self._context.kinematics)
+            )
         if excess is not None:
-            axis = self._machine.axes[excess.axis]
+            axis = self._context.machine.axes[excess.axis]
             where = message("travel.in", motion=motion_named(segment.name)) if segment.name != "line" else ""
             advice: Message = audit.MOVE
             if axis.is_rotary and relative:  # from another turn the same distance may fit
                 a, b = segment.start[excess.axis], segment.end[excess.axis]
                 advice = unwind.offer(axis, a, min(a, b), max(a, b))
-            self._voice.refuse(segment.place, audit.describe(axis, excess, where, advice))
+            self._context.refuse(segment.place, audit.describe(axis, excess, where, advice))

@@ -24,7 +24,7 @@ from controller.machine.model import Machine, Tool
 from controller.memory import remembered
 from controller.messages import Key, Message, message
 from controller.motion.motions import SurfaceCut
-from controller.plan.segment import Diagnostics
+from controller.plan.context import Context
 from controller.plan.surfaces import deviation
 from controller.plan.surfaces.placements import name_of
 from controller.plan.surfaces.placing import CHOSEN_FROM, Cutter, RequiredPlacement, Row, off_mm
@@ -126,43 +126,38 @@ class Parts:
         return Cut(self.block, tool, motion, edge(motion, 0.0), edge(motion, 1.0), part)
 
 
-def build(
-    block: CutBlock,
-    machine: Machine,
-    voice: Diagnostics,
-    auto: Callable[[Parts], tuple[Surface, ...]],
-) -> tuple[Cut, ...]:
+def build(block: CutBlock, context: Context, auto: Callable[[Parts], tuple[Surface, ...]]) -> tuple[Cut, ...]:
     """The cuts of one block, in order; refuses a surface that its cutter cannot cut.
 
     ``auto`` places the parts of one for which that is asked.
     """
-    tool = block.modal.tool_in(machine)
+    tool = block.modal.tool_in(context.machine)
     if tool is None:
-        known = ", ".join(f"T{t.number}" for t in machine.tools)
-        voice.refuse(block.place, message("cut.no_tool", tool=block.modal.tool, known=known))
-    surface, kind = surface_of(block), strategy(block.modal, tool, machine)
+        known = ", ".join(f"T{t.number}" for t in context.machine.tools)
+        context.refuse(block.place, message("cut.no_tool", tool=block.modal.tool, known=known))
+    surface, kind = surface_of(block), strategy(block.modal, tool, context.machine)
     found = _defect(surface)
     twisted = found is not None and found.kind is DefectKind.TWIST
     if found is not None and not (twisted and kind in FREE):
-        advice = _untwisted(block, surface, tool, machine) if twisted else ""
-        voice.refuse(block.place, described(block, found, advice))
+        advice = _untwisted(block, surface, tool, context.machine) if twisted else ""
+        context.refuse(block.place, described(block, found, advice))
     if block.modal.allowance_mm < 0.0 and tool.radius_mm + block.modal.allowance_mm <= 0.0:
         cutter = {"tool": tool.number, "radius": tool.radius_mm}
-        voice.refuse(block.place, message("cut.no_radius", allowance=block.modal.allowance_mm, **cutter))
-    if kind is Strategy.AUTO and tolerance_mm(block.modal, tool, machine) is None:
-        voice.refuse(block.place, message("cut.no_tolerance"))
+        context.refuse(block.place, message("cut.no_radius", allowance=block.modal.allowance_mm, **cutter))
+    if kind is Strategy.AUTO and tolerance_mm(block.modal, tool, context.machine) is None:
+        context.refuse(block.place, message("cut.no_tolerance"))
     if not twisted:  # an axis off the ruling meets other curvatures: what it cuts is judged
-        _audit_hollow(block, surface, tool, machine, voice)
-    _tell_flute(block, surface, tool, voice)
+        _audit_hollow(block, surface, tool, context)
+    _tell_flute(block, surface, tool, context)
     try:
         parts = Parts.of(block, surface, tool)
         placed = auto(parts) if kind is Strategy.AUTO else parts.row.placed(kind)
-        made = parts.cuts(placed, machine)
+        made = parts.cuts(placed, context.machine)
     except ValueError as error:
         why = error.said if isinstance(error, NoLength) else str(error)
-        voice.refuse(block.place, message("cut.not_travelled", code=code(block), why=why))
+        context.refuse(block.place, message("cut.not_travelled", code=code(block), why=why))
     if kind is Strategy.OPTIMAL and (as_good := _plainer(placed)):
-        voice.tell(block.place, message("note.optimal", as_good=Key(as_good)))
+        context.tell(block.place, message("note.optimal", as_good=Key(as_good)))
     return made
 
 
@@ -267,9 +262,7 @@ def _untwisted(block: CutBlock, surface: Surface, tool: Tool, machine: Machine) 
     return message("cut.none_found", tool=tool.number, best=min(own, best), allowed=allowed)
 
 
-def _audit_hollow(
-    block: CutBlock, surface: Surface, tool: Tool, machine: Machine, voice: Diagnostics
-) -> None:
+def _audit_hollow(block: CutBlock, surface: Surface, tool: Tool, context: Context) -> None:
     """A cutter that does not fit into the hollow of its side cuts away what it must leave (gouge)."""
     side = block.modal.side
     radius, u = _concave_radius(surface, side.value)
@@ -286,18 +279,17 @@ def _audit_hollow(
             ),
             message("gouge.fit_hollow", hollow=radius),
             block,
-            machine,
-            voice,
+            context,
         )
 
 
-def _tell_flute(block: CutBlock, surface: Surface, tool: Tool, voice: Diagnostics) -> None:
+def _tell_flute(block: CutBlock, surface: Surface, tool: Tool, context: Context) -> None:
     """A note where the longest ruling is longer than what the flank cuts."""
     longest = _longest(surface)
     if longest > (bare := tool_profile.flank_mm(tool)):
         flute = {"flute": tool.flute_mm, "flank": bare}
         told = message("note.flute", tool=tool.number, longest=longest, **flute)
-        voice.tell(block.place, told)
+        context.tell(block.place, told)
 
 
 def _longest(surface: Surface) -> float:
@@ -305,12 +297,12 @@ def _longest(surface: Surface) -> float:
     return max(float(norm(surface.ruling(i / 64.0))) for i in range(65))
 
 
-def gouge(what: Message, advice: Message, block: CutBlock, machine: Machine, voice: Diagnostics) -> None:
+def gouge(what: Message, advice: Message, block: CutBlock, context: Context) -> None:
     """Refuse what cuts into the part, or only note it where the machine file says gouge = "warn"."""
-    if machine.gouge == "refuse":
+    if context.machine.gouge == "refuse":
         why = message("gouge.refused", what=what, advice=advice, more="")
-        raise block.place.refusal(voice.program, why, GougeRefused)
-    voice.tell(block.place, message("gouge.told", what=what, advice=advice))
+        raise block.place.refusal(context.program, why, GougeRefused)
+    context.tell(block.place, message("gouge.told", what=what, advice=advice))
 
 
 def flank(cut: Cut) -> deviation.Standing:

@@ -101,8 +101,9 @@ def fresh(machine: Machine | None = None) -> SteppedMachine:
     return made
 
 
-def rest_of(text: str, spot: Spot, machine: Machine) -> Rest:
-    return restart.find(source(text, machine), spot)
+def rest_of(text: str, spot: Spot, machine: Machine, start: Joints | None = None) -> Rest:
+    """``start``: where the whole run began that the spot is of; None: from the homed position."""
+    return restart.find(source(text, machine, start=start), spot)
 
 
 def resumed(stepped: SteppedMachine, rest: Rest, events: Sequence[Event] = (), in_spindle: int = 1) -> Cut:
