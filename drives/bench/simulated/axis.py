@@ -118,7 +118,7 @@ class Axis(PowerStage):
 
     @property
     def remembers_nothing(self) -> bool:
-        """Its next period depends on what it shows: no demand goes on by itself, and sensors see motion only."""
+        """Its next period depends on what it shows: no demand goes on by itself; sensors see motion only."""
         demand = self.generator is None or (self.follows and isinstance(self._law, CyclicPosition))
         return type(self.servo) is Servo and demand and self._lagging_s is None
 

@@ -200,7 +200,7 @@ class SimulatedDrive(Device):
         )
 
     def _may_repeat(self) -> bool:
-        """Whether ``_state`` is all: the fast TPDO is sent, and a demand that remembers nothing is followed."""
+        """Whether ``_state`` is all: the fast TPDO is sent, and the demand remembers nothing."""
         return bool(self._fast_out) and self.nmt == OPERATIONAL and self.axis.remembers_nothing
 
     def _repeat(self, frame: bytes, now_s: float) -> None:
