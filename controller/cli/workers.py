@@ -8,14 +8,11 @@ from typing import Annotated
 
 import typer
 
-from controller import messages, workers
-from controller.verify.console import Refused, spoken
+from controller import workers
+from controller.verify.console import Refused, in_words
 
 Count = Annotated[int, typer.Option("--workers", min=0, metavar="N")]
-Cluster = Annotated[
-    str,
-    typer.Option("--cluster", metavar="ADDRESS"),
-]
+Cluster = Annotated[str, typer.Option("--cluster", metavar="ADDRESS")]
 
 
 @contextlib.contextmanager
@@ -25,4 +22,4 @@ def spread(count: int, cluster: str) -> Iterator[workers.Spread]:
         with workers.Workers(count, cluster) as started:
             yield started.each
     except workers.WorkersLost as error:
-        raise Refused(messages.text(error.said, spoken.get())) from error
+        raise Refused(in_words(error.said)) from error

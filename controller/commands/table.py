@@ -559,7 +559,7 @@ ALL: tuple[Command, ...] = (
         "panel_damaged",
         Access.OPERATE,
         (
-            Argument("key", Choice(("store_lost", "store_rows", "users_lost", "users_lost_some"))),
+            Argument("key", Choice(("store_gone", "store_lost", "store_rows", "users_lost", "users_lost_some"))),
             Argument("values", Named(4, 0.0, MAX_WHOLE, 1000), "Of the text of that key."),
         ),
         lane=Lane.LOOK,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from enum import Enum
 
@@ -62,17 +63,29 @@ class Code:
         return message("note.needs_nothing", code=self.name, meaning=meaning, told=Key(self.note))
 
 
-def done(group: str, source: str, *rows: tuple[str, str, str], dialect: str = "") -> list[Code]:
-    """Rows of name, letters, meaning."""
-    return [Code(name, group, letters, source, meaning, dialect=dialect) for name, letters, meaning in rows]
+_SOURCES = {"NIST": NIST, "LinuxCNC": LINUXCNC, "Fanuc": FANUC, "Haas": HAAS, "paper": PAPER}
+_WORDS = ("rs274", "fanuc", "alone")
+
+
+def done(table: str, forms: Mapping[tuple[str, str], Mapping[str, str]]) -> Iterator[Code]:
+    """Rows of a text: a group, and below it NAME SOURCE [dialect] [alone] [letters]: MEANING.
+
+    ``forms``: of codes that take other letters beside a word or in a plane, by name and dialect.
+    """
+    group = ""
+    for line in table.strip().splitlines():
+        if not line.startswith(" "):
+            group = line
+            continue
+        head, _, meaning = line.partition(": ")
+        name, source, *rest = head.split()
+        dialect = next((word for word in rest if word in _WORDS[:2]), "")
+        letters = "".join(word for word in rest if word not in _WORDS)
+        row = Code(name, group, letters, _SOURCES[source], meaning, dialect=dialect, alone="alone" in rest)
+        yield replace(row, forms=tuple(forms.get((name, dialect), {}).items()))
 
 
 BESIDE_MOTION = ("G9", "G15", "G62")  # what needs no action, and stands in the lines of a modal motion
-
-
-def alone(rows: list[Code], *names: str) -> list[Code]:
-    """The same, those of these names beside no modal motion; without names all."""
-    return [replace(row, alone=True) if not names or row.name in names else row for row in rows]
 
 
 def noted(source: str, *rows: tuple[str, str, str], dialect: str = "") -> list[Code]:

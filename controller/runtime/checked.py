@@ -295,15 +295,13 @@ def _gouges_placed(asked: Task) -> Iterator[None]:
 def _audited(
     asked: Task, watched: Watched, progress: Progress = lambda _: None, spread: Spread = here
 ) -> Audit:
-    """What is told of the surfaces; raises ProgramError where they are refused."""
+    """What is reported of the surfaces; raises ProgramError where they are refused."""
 
     return audit(watched, asked.read, asked.name, asked.machine, asked.kinematics, progress, spread)
 
 
 def _noted(walk: Walk, notes: Sequence[Note]) -> Walk:
-    if notes:
-        walk.notes = list(notes)
-    return walk
+    return replace(walk, notes=list(notes)) if notes else walk
 
 
 def segments(walk: Walk) -> dict[int, Segment]:

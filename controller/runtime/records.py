@@ -5,7 +5,7 @@
     a folder of a run               "run": setpoints, positions, following errors, feed and load of every tick
                                     that sent a SYNC
 
-A column of an axis has its name behind a dot (``actual.X``). Names, units and meanings of a recorder's
+A column of an axis has its name after a dot (``actual.X``). Names, units and meanings of a recorder's
 columns are those of ``state.live_state``. In Parquet they stand with each column (``unit``, ``meaning``),
 and ``kind``, ``period_s`` and the machine (a trace: its JSON, else its file's text) with the whole under
 ``directrix.``, so that whoever opens the file needs nothing else; numbers are the same to the last bit.

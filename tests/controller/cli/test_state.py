@@ -37,6 +37,7 @@ from controller.state.setpoints import SETPOINTS
 from controller.store import service_store
 from controller.store.service_store import ServiceStore
 from controller.store.set_up_store import FITTING
+from controller.verify import console
 from controller.verify.console import Refused
 from drives.arranged import Arranged
 
@@ -190,7 +191,7 @@ def hurt(source: Path, folder: Path, count: int, part: int = 0) -> int:
         file = rng.choice([one for one in sorted(folder.rglob("*")) if one.is_file() and one.stat().st_size])
         file.write_bytes(harmed(sound := file.read_bytes(), rng))
         print(SEED, number, file)
-        noticed += any(one.condition == "damaged" and state.in_words(one) for one in state.look(folder))
+        noticed += any(one.condition == "damaged" and console.in_words(one.why) for one in state.look(folder))
         for run in sorted((folder / "runs").glob("*")):
             with contextlib.suppress(*recorded_runs.expected(), Refused, OSError):
                 recorded_runs.whole(run, None, None)
