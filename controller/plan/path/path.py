@@ -390,7 +390,7 @@ class PathBuilder:
         if self._pending.row is None:
             self._rest()
         try:
-            ready = self._built(blocks)
+            ready = list(auto.build(self._doubted(blocks), self._context))
         except ProgramError:
             self._to_exact()
             raise
@@ -399,16 +399,15 @@ class PathBuilder:
                 self._rest()
             self._train(members, meetings)
 
-    def _built(self, blocks: Iterable[CutBlock]) -> list[cuts.Cut]:
-        ready: list[cuts.Cut] = []
+    def _doubted(self, blocks: Iterable[CutBlock]) -> Iterator[CutBlock]:
+        """All of them; what may be meant otherwise is noted."""
         told: set[str] = set()  # of a train once
         for block in blocks:
             doubt = block.doubt if isinstance(block, CutCone | CutRuled) else None
             if doubt and doubt["key"] not in told:
                 told.add(doubt["key"])
                 self._note(block.place, doubt)
-            ready += auto.build(block, self._context)
-        return ready
+            yield block
 
     def _train(self, members: Sequence[cuts.Cut], meetings: Sequence[train.Meeting]) -> None:
         """The cuts of a train behind its lead in, a link from the train before, or a row that runs on."""
