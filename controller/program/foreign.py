@@ -278,8 +278,8 @@ Fanuc: G37 measures probing, G38 G39 corner_vector side, G43.8 G43.9 cutting_poi
 Fanuc: G50.2 G51.2 polygon lathe, G72.1 G72.2 copies sub, G81.1 chopping moves, G84.2 G84.3 rigid_tap m29
 Fanuc: G160 G161 infeed moves
 Makino: M15 mirror g51_1, M21 M22 M23 mirror g51_1, M26 coolant_through output, M27 power_off leave
-LinuxCNC: M428 M429 M430 kinematics g43_4_switch, M128 M129 M130 kinematics g43_4_switch
 LinuxCNC: M100-199 own_file own
+LinuxCNC: M428 M429 M430 kinematics g43_4_switch, M128 M129 M130 kinematics g43_4_switch
 Brother: G100 change_and_moves m6_moves
 FluidNC: G38.6 G38.7 G38.8 G38.9 probes_in_mm g38_2
 Heidenhain: M128 M129 tip_control g43_4
