@@ -7,85 +7,38 @@ where RS-274/NGC and Fanuc-like controls mean different things by one name.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from types import MappingProxyType
 
 from controller.messages import Key
-from controller.program.code_rows import (
-    AXES,
-    BROTHER,
-    FANUC,
-    HAAS,
-    HURCO,
-    LINUXCNC,
-    MAZAK,
-    Code,
-    done,
-    noted,
-    only,
-    refused,
-)
+from controller.program.code_rows import AXES, Code, done, noted, refused
 
-# The rows of the table of codes for what is only noted, and what is refused with what to write instead.
+# What needs no action: source, dialect where it is of one alone; name, letters, and why, as ``told`` of the
+# catalogue has it.
+_NOTED = """
+Fanuc fanuc: G5 P ahead, G5.1 @QRP ahead, G8 P ahead, G9 exact, G11 own_line, G13.1 never, G62 corners
+Fanuc fanuc: M41 speed, M42 speed, M43 speed
+Fanuc: G23 travel, G25 watched, G50 never, M10 closes, M11 opens
+Fanuc rs274: G15 never, G67 never
+Hurco fanuc: G5.3 P path
+Haas: G103 P whole, G187 PE path
+Haas fanuc: G269 untilts, M12 closes, M13 opens, M31 no_output, M32 no_output, M33 no_output, M84 no_output
+Haas fanuc: M89 no_output, M138 PE turns, M139 turns
+Brother fanuc: M298 L ahead
+Fanuc fanuc: G54.4 P never
+Mazak fanuc: G10.9 X positions
+LinuxCNC: M51 P kept
+"""
 
-NOT_DONE: tuple[Code, ...] = (
-    *noted(
-        FANUC,
-        ("G5", "P", "ahead"),
-        ("G5.1", AXES + "QRP", "ahead"),
-        ("G8", "P", "ahead"),
-        ("G9", "", "exact"),
-        ("G11", "", "own_line"),
-        ("G13.1", "", "never"),
-        ("G62", "", "corners"),
-        ("M41", "", "speed"),
-        ("M42", "", "speed"),
-        ("M43", "", "speed"),
-        dialect="fanuc",
-    ),
-    *noted(
-        FANUC,
-        ("G23", "", "travel"),
-        ("G25", "", "watched"),
-        ("G50", "", "never"),
-        ("M10", "", "closes"),
-        ("M11", "", "opens"),
-    ),
-    *noted(FANUC, ("G15", "", "never"), ("G67", "", "never"), dialect="rs274"),
-    *noted(HURCO, ("G5.3", "P", "path"), dialect="fanuc"),
-    *noted(
-        HAAS,
-        ("G103", "P", "whole"),
-        ("G187", "PE", "path"),
-    ),
-    *noted(
-        HAAS,
-        ("G269", "", "untilts"),
-        ("M12", "", "closes"),
-        ("M13", "", "opens"),
-        ("M31", "", "no_output"),
-        ("M32", "", "no_output"),
-        ("M33", "", "no_output"),
-        ("M84", "", "no_output"),
-        ("M89", "", "no_output"),
-        ("M138", "PE", "turns"),
-        ("M139", "", "turns"),
-        dialect="fanuc",
-    ),
-    *noted(BROTHER, ("M298", "L", "ahead"), dialect="fanuc"),
-    *only("P0", ("G54.4", "P", FANUC, "never")),
-    *only("X0", ("G10.9", "X", MAZAK, "positions")),
-    *(replace(row, group="overrides") for row in noted(LINUXCNC, ("M51", "P", "kept"))),
-    # --- what is refused, and what to write instead
-    *refused(LINUXCNC, "G7 G8 G70 G71 G71.1 G71.2 G72 G72.1 G72.2 G76 G44 G87", dialect="rs274"),
-    *refused(LINUXCNC, "G5.2", dialect="fanuc"),
-    *refused(FANUC, "G53.3 G7 G12.1 G43.3 G45 G46 G47 G48 G63 G107", dialect="fanuc"),
-    *refused(LINUXCNC, "G17.1 G18.1 G19.1 G88 G96"),
-    *refused(FANUC, "G22 G26 G27 G29"),
-    *refused(FANUC, "G16 G65 G66", dialect="rs274"),
-    *refused(HAAS, "G150 G253 G268 M83 M88", dialect="fanuc"),
-)
-
+# What is refused; the catalogue has what to write instead.
+_REFUSED = """
+LinuxCNC rs274: G7 G8 G70 G71 G71.1 G71.2 G72 G72.1 G72.2 G76 G44 G87
+LinuxCNC fanuc: G5.2
+Fanuc fanuc: G53.3 G7 G12.1 G43.3 G45 G46 G47 G48 G63 G107
+LinuxCNC: G17.1 G18.1 G19.1 G88 G96
+Fanuc: G22 G26 G27 G29
+Fanuc rs274: G16 G65 G66
+Haas fanuc: G150 G253 G268 M83 M88
+"""
 
 _TOOL = "LPZR"  # of G10: a tool's length and radius
 _OFFSET = AXES + "LPR"
@@ -296,10 +249,11 @@ coolant
 ROWS: tuple[Code, ...] = (
     *done(_DONE, _FORMS),
     *(
-        Code(f"G{109 + k}", "offset", "", HAAS, f"work offset, as G154 P{k}", dialect="fanuc")
+        Code(f"G{109 + k}", "offset", "", "Haas", f"work offset, as G154 P{k}", dialect="fanuc")
         for k in range(1, 21)
     ),
-    *NOT_DONE,
+    *noted(_NOTED),
+    *refused(_REFUSED),
 )
 
 
