@@ -10,7 +10,6 @@ from rich.table import Table
 
 from controller.cli.recorded_runs import spoilt_json
 from controller.runtime import records
-from controller.runtime.events import EventError
 from controller.runtime.records import Apart, NoRecord, Record
 from controller.verify import console
 from controller.verify.console import Refused, answered, in_words, refusals, show, spoken
@@ -23,7 +22,7 @@ def export(
 
     Needs the extra recordings.
     """
-    with refusals(as_json, lambda: (EventError,)):
+    with refusals(as_json):
         if out.suffix != records.PARQUET:
             raise Refused(_say("suffix", file=out))
         found = _read(recording)
@@ -49,7 +48,7 @@ def compare(
 
     Exit code 0: the same, within --tolerance. 1: the first row and column that are apart, or another length.
     """
-    with refusals(as_json, lambda: (EventError,)):
+    with refusals(as_json):
         first, second = _read(a), _read(b)
         try:
             found = records.compare(first, second, tolerance)
