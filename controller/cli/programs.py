@@ -45,7 +45,7 @@ from controller.verify.console import (
     tell,
 )
 from controller.verify.tables import Rows
-from controller.workers import Spread
+from controller.workers import Spread, Workers
 
 if TYPE_CHECKING:
     from controller.cli.fault_runs import FaultRun
@@ -160,13 +160,13 @@ def check(
         if plot is not None and program.is_dir():
             raise Refused(say("cli.check.plot", plot=plot))
         _writable(plot)
-        with workers.spread(count, cluster) as spread:
+        with Workers(count, cluster) as crew:
             if program.is_dir():
                 from controller.cli import check_folder
 
                 place = store or stored.folder()
                 asked = check_folder.FolderCheck(program, made, place, block_delete, report)
-                check_folder.run(asked, spread, as_json)
+                check_folder.run(asked, crew.each, as_json)
                 return
             if report is not None:
                 told = messages.message("folder.report_alone", program=program)
@@ -174,7 +174,7 @@ def check(
             task = _task(program, made, block_delete)
             picture = Picture(made, task.kinematics) if plot is not None else None
             try:
-                done = _checked(task, store, as_json, spread, picture)
+                done = _checked(task, store, as_json, crew.each, picture)
             except Refused as refusal:
                 if plot is not None:
                     _draw_refused(task, refusal, plot)

@@ -29,7 +29,7 @@ from controller.verify.gouges import Findings, Gouge, gouges, in_table
 from controller.verify.judge import SETTLED_MM, Judged, Worst, Zone, judge
 from controller.verify.nominal import Nominal
 from controller.verify.sweep import FIT_MM, Pass
-from controller.workers import Spread, here
+from controller.workers import Spread, Workers, here
 
 if TYPE_CHECKING:
     from controller.verify.bound import Bound
@@ -120,12 +120,12 @@ def verify(
             recorded = None if part is file else _recorded(file, task)
         task = _lenient(task)
         refuses = (gouge or made.gouge) == "refuse"
-        with workers.spread(count, cluster) as spread:
+        with Workers(count, cluster) as crew:
             with bar(say("cli.bar.verifying"), as_json) as progress:
-                found = _found(task, recorded, commanded, progress, spread)
+                found = _found(task, recorded, commanded, progress, crew.each)
             if with_bound:
                 with bar(say("cli.bar.searching"), as_json) as progress:
-                    found = replace(found, bounds=_bounds(found.judged, progress, spread))
+                    found = replace(found, bounds=_bounds(found.judged, progress, crew.each))
         if plot:
             from controller.verify import pictures
 
