@@ -167,8 +167,8 @@ MIGRATIONS: tuple[str, ...] = (_FIRST, _LOG_INS, _QUEUE, _MARKED, _SUMMED, _NO_C
 MARKED = 4  # the schema from which on a log-in marker is there
 
 
-class StoreError(Exception):
-    """What is ``said`` to the user; ``code`` says which kind it is, for the answer's status.
+class StoreError(messages.TextError):
+    """A refusal of the store's; ``code`` says which kind it is, for the answer's status.
 
     missing: there is no such thing; exists: the name is taken; running: the program is in use;
     name, size (too large), cut (not all of it), empty, sha256, form: what was sent is wrong; slow: it did
@@ -177,8 +177,7 @@ class StoreError(Exception):
 
     def __init__(self, code: str, text: messages.Message | str) -> None:
         """``text``: a sentence alone where it has no key."""
-        self.said = messages.plain(text)
-        super().__init__(messages.text(self.said))
+        super().__init__(text)
         self.code = code
 
     @classmethod

@@ -9,15 +9,14 @@ from typing import Annotated, Any
 import typer
 
 from controller.api import backup
-from controller.api.backup import BackupError, Contents
-from controller.api.store import Store, StoreError
+from controller.api.backup import Contents
+from controller.api.store import Store
 from controller.cli import installation, machine_check
 from controller.cli.speech import Verbs
 from controller.ipc import control_socket
 from controller.machine import machine_file as config
 from controller.machine import setup_data
 from controller.machine.model import Machine
-from controller.machine.toml_table import ConfigError
 from controller.runtime.bus_load import overload
 from controller.verify.console import Refused, answered, in_words, refusals, say, show
 
@@ -25,13 +24,11 @@ app = Verbs(add_completion=False, no_args_is_help=True)
 
 Target = Annotated[Path | None, typer.Option("--machine")]
 
-EXPECTED = (BackupError, StoreError, ConfigError)
-
 
 @app.command()
 def save(archive: Path, machine: str = "", state: Path | None = None, as_json: bool = False) -> None:
     """Write one archive of everything that is set and stored; also while the machine runs."""
-    with refusals(as_json, lambda: EXPECTED):
+    with refusals(as_json):
         store = Store(state or control_socket.state_folder())
         backup.save(store, _machine(store, machine), archive)
         _show(as_json, {"archive": str(archive), **_facts(backup.check(archive))})
@@ -40,7 +37,7 @@ def save(archive: Path, machine: str = "", state: Path | None = None, as_json: b
 @app.command()
 def check(archive: Path, as_json: bool = False) -> None:
     """Read an archive whole and say what is in it; nothing is changed."""
-    with refusals(as_json, lambda: EXPECTED):
+    with refusals(as_json):
         _show(as_json, {"archive": str(archive), **_facts(backup.check(archive))})
 
 
@@ -53,7 +50,7 @@ def restore(
     as_json: bool = False,
 ) -> None:
     """Put everything of an archive back; what was is kept, for rollback. The service must not run."""
-    with refusals(as_json, lambda: EXPECTED):
+    with refusals(as_json):
         store = Store(state or control_socket.state_folder())
         _at_rest(store, runtime)
         contents = backup.check(archive)
@@ -71,7 +68,7 @@ def update(
     as_json: bool = False,
 ) -> None:
     """Replace the machine file, checked with the tools and offsets in use; the old one is kept."""
-    with refusals(as_json, lambda: EXPECTED):
+    with refusals(as_json):
         store = Store(state or control_socket.state_folder())
         _at_rest(store, runtime)
         _sound(config.load(new), as_json)
@@ -86,7 +83,7 @@ def rollback(
 
     The machine file, where that replaced it, goes to --machine, or to where the installed service reads it.
     """
-    with refusals(as_json, lambda: EXPECTED):
+    with refusals(as_json):
         store = Store(state or control_socket.state_folder())
         _at_rest(store, runtime)
         if not (kept := backup.automatic_backups(store)):

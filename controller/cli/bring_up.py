@@ -20,7 +20,6 @@ from controller.cli import remote
 from controller.cli.client import Url
 from controller.machine import machine_file
 from controller.machine.model import Machine
-from controller.machine.toml_table import ConfigError
 from controller.messages import Message, message
 from controller.verify import console
 from controller.verify.console import Misunderstood, agreed, in_words, refusals, show, spoken, tell
@@ -57,7 +56,7 @@ def bring_up(
     from controller.bringup import report
     from controller.bringup import steps as declared
 
-    with refusals(as_json, _expected):
+    with refusals(as_json):
         made = machine_file.load(machine)
         steps = declared.steps(made)
         skipped = _skipped(skip or [], steps)
@@ -297,13 +296,3 @@ def _finite(number: str) -> float:
     if not math.isfinite(found):
         raise ValueError(number)
     return found
-
-
-def _expected() -> tuple[type[Exception], ...]:
-    """What a machine that does not come up, and a protocol that is none, raise."""
-    from controller.bringup.protocol import NoProtocol
-    from controller.runtime.startup import SessionError
-    from drives.bus import BusError
-    from drives.commission import CommissionError
-
-    return ConfigError, NoProtocol, SessionError, BusError, CommissionError

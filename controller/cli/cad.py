@@ -17,7 +17,7 @@ from controller.machine import machine_file
 from controller.machine.model import Machine, Tool
 from controller.messages import message
 from controller.program import blocks
-from controller.verify.console import Refused, answered, bar, in_words, refusals, say
+from controller.verify.console import Refused, answered, bar, refusals, say
 
 if TYPE_CHECKING:  # OpenCASCADE takes its time to load, and is an extra
     from controller.cad.deviation import Deviation
@@ -210,8 +210,6 @@ def _part(file: Path, placed: Frame) -> Part:
     try:
         with kernel.failures():
             return kernel.read(file, placed)
-    except kernel.CadError as error:
-        raise Refused(in_words(error.said)) from error
     except kernel.Failure as error:
         raise Refused(say("cli.import.unreadable", file=file, why=error)) from error
 
@@ -297,13 +295,10 @@ def _thickest_mm(machine: Machine, number: int) -> float:
 
 
 def _tool(machine: Machine, number: int, strips: Sequence[Strip]) -> Tool:
-    from controller.cad.program import NoTool, fitting
+    from controller.cad.program import fitting
 
     if not number:
-        try:
-            return fitting(strips, machine)
-        except NoTool as error:
-            raise Refused(in_words(error.said)) from None
+        return fitting(strips, machine)
     found = machine.tool(number)
     if found is None:
         known = ", ".join(f"T{tool.number}" for tool in machine.tools)

@@ -11,7 +11,7 @@ from typing import Any
 
 from controller.cad import path_rows, path_strips, program
 from controller.cad.deviation import surfaces
-from controller.cad.path_rows import BadPath, Row
+from controller.cad.path_rows import Row
 from controller.cad.path_strips import Off, Recognised
 from controller.cad.strip import Strip
 from controller.cli.new_files import save
@@ -40,11 +40,11 @@ class Wish:
 def import_rows(
     file: Path, is_program: bool, target: Path | None, machine: Machine, wish: Wish, as_json: bool
 ) -> tuple[Tool, list[dict[str, Any]]] | None:
-    """List the rows of a file, or write the program that cuts some; None of a list. Raises Refused."""
-    try:
-        rows = path_rows.read(file, machine, is_program)
-    except BadPath as error:
-        raise Refused(in_words(error.said)) from None
+    """List the rows of a file, or write the program that cuts some; None of a list.
+
+    Raises Refused, BadPath.
+    """
+    rows = path_rows.read(file, machine, is_program)
     if not rows:
         raise Refused(say("cli.import.path.no_row", file=file))
     cutter = _tool(rows, machine, wish.tool)

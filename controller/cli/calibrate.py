@@ -6,8 +6,6 @@ what was before is kept beside it.
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Iterator
 from datetime import datetime
 from functools import partial
 from pathlib import Path
@@ -29,7 +27,7 @@ from controller.machine.model import Machine
 from controller.machine.toml_table import read_text
 from controller.program import linked
 from controller.verify import console
-from controller.verify.console import Refused, answered, in_words, refusals, show
+from controller.verify.console import answered, refusals, show
 
 app = Verbs(no_args_is_help=True)
 
@@ -39,16 +37,6 @@ MAX_POSITIONS = 100
 
 def say(key: str, **values: object) -> str:
     return console.say(f"calibration.{key}", **values)
-
-
-@contextlib.contextmanager
-def refused(as_json: bool) -> Iterator[None]:
-    """What a measurement is refused for, in the language that is spoken."""
-    with refusals(as_json):
-        try:
-            yield
-        except Refusal as error:
-            raise Refused(in_words(error.said), **error.said) from error
 
 
 def written(machine: str, found: Result) -> dict[str, str] | None:
@@ -92,7 +80,7 @@ def rotaries(
     as_json: bool = False,
 ) -> None:
     """Centres and directions of the rotaries from a sphere that was probed at many of their positions."""
-    with refused(as_json):
+    with refusals(as_json):
         made = machine_file.load(machine)
         values = {"sphere_radius": sphere_radius, "max_mm": max_mm, "max_deg": max_deg, "add": add}
         found = measurements.rotaries(_of_table("rotaries", measured, made, values))
@@ -163,7 +151,7 @@ def positions_to_probe(
     as_json: bool = False,
 ) -> None:
     """Which positions of the rotaries to probe a sphere at, and what bounds they would leave."""
-    with refused(as_json):
+    with refusals(as_json):
         made = machine_file.load(machine)
         x, y, z = vector(centre, "--centre")
         i, j, k = vector(stem, "--stem")
@@ -189,7 +177,7 @@ def axis_by_iso_230_2(
     as_json: bool = False,
 ) -> None:
     """Accuracy and repeatability of an axis (ISO 230-2), and its pitch table."""
-    with refused(as_json):
+    with refusals(as_json):
         made = machine_file.load(machine)
         found = measurements.axis(_of_table("axis", measured, made, {"axis": axis}))
         told = found.told
@@ -207,7 +195,7 @@ def spindle_by_tachometer(
     measured: Path, machine: str = "trunnion", write: bool = False, as_json: bool = False
 ) -> None:
     """Scale and offset of an inverter's analogue output, from readings of a tachometer."""
-    with refused(as_json):
+    with refusals(as_json):
         made = machine_file.load(machine)
         fitted = spindle_speed.fit(read_text(measured), measured.name, made)
         edit = partial(
@@ -238,7 +226,7 @@ def circle_by_iso_230_4(
     as_json: bool = False,
 ) -> None:
     """Circular test (ISO 230-4) of two axes from a recording with circles in both senses."""
-    with refused(as_json):
+    with refusals(as_json):
         made = machine_file.load(machine)
         found = measurements.circle(Inputs(made, {"axes": axes}, recording=recorded))
         told = found.told
@@ -262,7 +250,7 @@ def tip_by_iso_10791_6(
     as_json: bool = False,
 ) -> None:
     """Five-axis test with a sphere (ISO 10791-6): what the tip does that should stand while rotaries turn."""
-    with refused(as_json):
+    with refusals(as_json):
         made = machine_file.load(machine)
         found = measurements.tip(Inputs(made, complete("tip", {"length": length}), recording=recorded))
         told = found.told
@@ -280,7 +268,7 @@ def thermal(
     measured: Path, offset: str = "G54", machine: str = "trunnion", write: bool = False, as_json: bool = False
 ) -> None:
     """By how much the machine has moved since a reference was where its work offset says."""
-    with refused(as_json):
+    with refusals(as_json):
         made = machine_file.load(machine)
         found = measurements.thermal(_of_table("thermal", measured, made, {"offset": offset}))
         told = found.told
@@ -306,7 +294,7 @@ def part(
     as_json: bool = False,
 ) -> None:
     """The work offset that fits touches on a part best: on surfaces of its program, planes, bores."""
-    with refused(as_json):
+    with refusals(as_json):
         made = machine_file.load(machine)
         values = {"offset": offset, "free": free}
         found = measurements.part(_of_table("part", measured, made, values, program))
@@ -334,7 +322,7 @@ def inspect(
     as_json: bool = False,
 ) -> None:
     """By how much a wall deviates where it was touched, beside what its program should leave there."""
-    with refused(as_json):
+    with refusals(as_json):
         made = machine_file.load(machine)
         told = measurements.inspect(_of_table("inspect", measured, made, {"offset": offset}, program)).told
         if answered(as_json, **told):
@@ -353,7 +341,7 @@ def points(
     machine: str = "trunnion",
 ) -> None:
     """Where to probe a surface: places and normals out of the cutter's side, part frame, as CSV."""
-    with refused(False):
+    with refusals(False):
         made = machine_file.load(machine)
         text = bytes(linked.linked(program.read_bytes(), linked.beside(program), made))
         values = complete("points", {"line": line, "along": along, "across": across})

@@ -48,7 +48,7 @@ def receive(
 
     Several that come in one go are stored by their own numbers. What was left out within a line is told.
     """
-    with refusals(as_json, lambda: (TapeError, StoreError)):
+    with refusals(as_json):
         # Who waits forever is in no hurry for the first one either.
         settings = LineSettings(port, baud, data_format, flow, silence_s, math.inf if forever else wait_s)
         settings.check()
@@ -125,7 +125,7 @@ def send(
     as_json: bool = False,
 ) -> None:
     """Punch a program out; read back by receive it is identical."""
-    with refusals(as_json, lambda: (TapeError, StoreError)):
+    with refusals(as_json):
         settings = LineSettings(port, baud, data_format, flow, silence_s, wait_s)
         settings.check()
         text = Path(program).read_bytes() if file else _of_store(program, state)

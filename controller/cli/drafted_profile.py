@@ -12,7 +12,6 @@ import typer
 
 from controller import atomic_file
 from controller.cli import new_files, toml_rows
-from controller.cli.drive_buses import EXPECTED
 from controller.machine import drive_profiles
 from controller.machine.drive_profiles import MODES, NONE
 from controller.verify.console import Refused, in_words, refusals, say, show
@@ -35,7 +34,7 @@ def profile(
 
     Notes in it say what the drive lacks and what that costs, and where only the manual knows.
     """
-    with refusals(as_json, lambda: EXPECTED):
+    with refusals(as_json):
         if output:
             new_files.target(output, overwrite, "--output", ".toml")
         about = sheet.load(str(eds), 1)

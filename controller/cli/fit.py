@@ -18,6 +18,7 @@ from controller.program import blocks, linked
 from controller.program.program import CutCone, CutNurbs, CutRuled
 from controller.verify import fits, tables
 from controller.verify.console import Refused, bar, refusals, say, show
+from controller.workers import Workers
 
 MIN_MM, MAX_MM = 1e-4, 10.0
 FIT_S = 5.0  # that one surface takes, about
@@ -45,9 +46,9 @@ def fit(
         if not asked:
             raise Refused(say("table.no_surface", program=program))
         found = []
-        with workers.spread(count, cluster) as spread, bar(say("cli.bar.fitting"), as_json) as progress:
+        with Workers(count, cluster) as crew, bar(say("cli.bar.fitting"), as_json) as progress:
             fitted = partial(fits.fit, tools=made.tools, tolerance_mm=tolerance)
-            for one, best in zip(asked, spread(fitted, asked, FIT_S), strict=True):
+            for one, best in zip(asked, crew.each(fitted, asked, FIT_S), strict=True):
                 found.append((one, best))
                 progress(len(found) / len(asked))
         if as_json:

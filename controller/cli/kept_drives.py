@@ -12,7 +12,6 @@ from typing import Annotated, Any
 import typer
 
 from controller.cli import drive_buses, drive_tables
-from controller.cli.drive_buses import EXPECTED
 from controller.machine import nodes
 from controller.verify.console import Refused, answered, in_words, refusals, say, show, tell
 from drives import commission as commissioning
@@ -33,7 +32,7 @@ def save(
     as_json: bool = False,
 ) -> None:
     """Write what is set up in a drive into a file, for the one that replaces it. Changes nothing in it."""
-    with refusals(as_json, lambda: EXPECTED), _one(machine, bus, channel, drive) as (settings, here, rate):
+    with refusals(as_json), _one(machine, bus, channel, drive) as (settings, here, rate):
         values, failed = setup.read(here)
         counts = {say(f"setup.{why}"): count for why, count in setup.beside(here).items()}
         about = sheet.own(settings.eds, settings.node, sheet.known_of(settings))
@@ -62,7 +61,7 @@ def compare(
     as_json: bool = False,
 ) -> None:
     """What is set up in a drive against a file: the differences only; exit code 1 where there are any."""
-    with refusals(as_json, lambda: EXPECTED):
+    with refusals(as_json):
         kept = dcf.read(file)
         with _one(machine, bus, channel, drive) as (settings, here, _):
             setup.belongs(here, kept)
@@ -92,7 +91,7 @@ def restore(
 
     Without --address node id and bit rate stay. The drive is left pre-operational; commission it next.
     """
-    with refusals(as_json, lambda: EXPECTED):
+    with refusals(as_json):
         kept = dcf.read(file)
         with _one(machine, bus, channel, drive, alone=True) as (settings, here, _):
             setup.belongs(here, kept)

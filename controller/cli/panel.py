@@ -34,7 +34,7 @@ def panel(
     from controller.cli import panel_users
 
     journald.use()
-    with refusals(False, panel_users.expected):
+    with refusals(False):
         try:
             from controller.api.access import is_loopback
             from controller.api.connections import Connections, Limits, raise_file_limit

@@ -31,13 +31,6 @@ MAX_DAYS = 3650.0
 DAY_S = 86400.0
 
 
-def expected() -> tuple[type[Exception], ...]:
-    """What a user can mend."""
-    from controller.api.database import StoreError
-
-    return (StoreError,)
-
-
 def store_in(folder: Path) -> Store:
     """Raises StoreError."""
     from controller.api.store import Store
@@ -50,7 +43,7 @@ def add_user(
     name: str, role: Literal["view", "operate", "set_up"] = "set_up", state: Path | None = None
 ) -> None:
     """Add a user, or give one another password and role. The password is asked for, or read from a pipe."""
-    with refusals(False, expected):
+    with refusals(False):
         store = store_in(state or control_socket.state_folder())
         _check(name)
         first = not store.users.all()
@@ -63,7 +56,7 @@ def add_user(
 @users.command("list")
 def list_users(state: Path | None = None) -> None:
     """Users and their roles."""
-    with refusals(False, expected):
+    with refusals(False):
         table = Table(say("table.user"), say("table.role"), box=None, pad_edge=False)
         for user in store_in(state or control_socket.state_folder()).users.all():
             table.add_row(user.name, user.role)
@@ -73,7 +66,7 @@ def list_users(state: Path | None = None) -> None:
 @users.command("remove")
 def remove_user(name: str, state: Path | None = None) -> None:
     """Remove a user; without any, only this computer is answered again."""
-    with refusals(False, expected):
+    with refusals(False):
         store_in(state or control_socket.state_folder()).users.remove(name)
         show.print(say("cli.users.removed", name=name))
 
@@ -86,7 +79,7 @@ def add_token(
     state: Path | None = None,
 ) -> None:
     """Make a token for a script and print it; it is shown only here."""
-    with refusals(False, expected):
+    with refusals(False):
         from controller.api.users import new_token
 
         store = store_in(state or control_socket.state_folder())
@@ -102,7 +95,7 @@ def add_token(
 @tokens.command("list")
 def list_tokens(state: Path | None = None) -> None:
     """Tokens by name; not what they are."""
-    with refusals(False, expected):
+    with refusals(False):
         heads = (say(f"table.{head}") for head in ("token", "role", "made_by", "until"))
         table = Table(*heads, box=None, pad_edge=False)
         for token in store_in(state or control_socket.state_folder()).users.tokens():
@@ -113,7 +106,7 @@ def list_tokens(state: Path | None = None) -> None:
 @tokens.command("remove")
 def remove_token(name: str, state: Path | None = None) -> None:
     """Its script is refused from now on."""
-    with refusals(False, expected):
+    with refusals(False):
         store_in(state or control_socket.state_folder()).users.remove_token(name)
         show.print(say("cli.users.removed", name=name))
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import sys
 import time
 from collections.abc import Sequence
@@ -17,7 +16,6 @@ from controller.cli import fitted as fittings
 from controller.cli import machine_check, workers
 from controller.machine import machine_file
 from controller.machine.model import Joints, Machine
-from controller.machine.toml_table import ConfigError
 from controller.motion.motions import SurfaceCut
 from controller.plan.report import stored
 from controller.plan.report.picture import Picture, Shape
@@ -29,7 +27,6 @@ from controller.program.program import ProgramError, refused_on_the_way
 from controller.runtime import checked, recording, records, starts
 from controller.runtime import events as event_files
 from controller.runtime.bus_load import overload
-from controller.runtime.startup import SessionError
 from controller.state import queue_refusals, setpoint_counts
 from controller.state.live_state import Snapshot
 from controller.state.modes import Fault
@@ -48,7 +45,7 @@ from controller.verify.console import (
     tell,
 )
 from controller.verify.tables import Rows
-from controller.workers import Spread
+from controller.workers import Spread, Workers
 
 if TYPE_CHECKING:
     from controller.cli.fault_runs import FaultRun
@@ -59,19 +56,6 @@ if TYPE_CHECKING:
 
 
 PARTS = {"cone": "example1_ready", "ruled": "example2_ready"}
-
-
-def _refusals(as_json: bool) -> contextlib.AbstractContextManager[None]:
-    """Turns what a user can mend into one sentence and exit code 1."""
-    return refusals(as_json, _expected)
-
-
-def _expected() -> tuple[type[Exception], ...]:
-    """Drives are imported where they are needed: ``check`` does without."""
-    from drives.bus import BusError
-    from drives.commission import CommissionError
-
-    return ConfigError, SessionError, event_files.EventError, records.NoRecord, BusError, CommissionError
 
 
 # --- what several commands need ------------------------------------------------
@@ -167,7 +151,7 @@ def check(
     memory.keep_freed()
     if program is None and not machine:
         raise typer.BadParameter(say("cli.check.name_one"))
-    with _refusals(as_json):
+    with refusals(as_json):
         made = _machine(machine or "trunnion", gouge, dialect=dialect, fitted=fitted)
         sheets = machine_check.sheets(made, as_json)
         if program is None:
@@ -176,13 +160,13 @@ def check(
         if plot is not None and program.is_dir():
             raise Refused(say("cli.check.plot", plot=plot))
         _writable(plot)
-        with workers.spread(count, cluster) as spread:
+        with Workers(count, cluster) as crew:
             if program.is_dir():
                 from controller.cli import check_folder
 
                 place = store or stored.folder()
                 asked = check_folder.FolderCheck(program, made, place, block_delete, report)
-                check_folder.run(asked, spread, as_json)
+                check_folder.run(asked, crew.each, as_json)
                 return
             if report is not None:
                 told = messages.message("folder.report_alone", program=program)
@@ -190,7 +174,7 @@ def check(
             task = _task(program, made, block_delete)
             picture = Picture(made, task.kinematics) if plot is not None else None
             try:
-                done = _checked(task, store, as_json, spread, picture)
+                done = _checked(task, store, as_json, crew.each, picture)
             except Refused as refusal:
                 if plot is not None:
                     _draw_refused(task, refusal, plot)
@@ -358,7 +342,7 @@ def simulate(
     from controller.runtime.contour_error import Demands
     from controller.runtime.stepped import SteppedMachine
 
-    with _refusals(as_json):
+    with refusals(as_json):
         made = _machine(machine, gouge, period_ms, dialect, fitted)
         script = fault_runs.read(faults, faults_from, made)
         _budget_or_refuse(made)
@@ -588,10 +572,10 @@ def demo(
     if panel:
         from controller.cli import demo_panel
 
-        with _refusals(as_json):
+        with refusals(as_json):
             demo_panel.run(out / "panel", port, period_ms, as_json)
         return
-    with _refusals(as_json):
+    with refusals(as_json):
         out.mkdir(parents=True, exist_ok=True)
         made = _machine("trunnion", period_ms=period_ms)
         # Simulated drives take no harm from late ticks; a machine stops for them.
@@ -644,7 +628,7 @@ def paper(as_json: bool = False) -> None:
     from controller.verify import paper as comparisons
     from controller.verify import tables
 
-    with _refusals(as_json):
+    with refusals(as_json):
         with bar(say("cli.bar.computing"), as_json) as progress:
             comparison = comparisons.compare(machine_file.load("trunnion"), progress)
         if not answered(as_json, **comparison.to_dict()):

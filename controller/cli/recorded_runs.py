@@ -15,7 +15,6 @@ from controller.machine import machine_file, setup_data
 from controller.machine.machine_file import written
 from controller.machine.model import Kind, Machine
 from controller.machine.spindle import unasked
-from controller.machine.toml_table import ConfigError
 from controller.program import linked
 from controller.runtime import events
 from controller.runtime.checked import Task, Walk
@@ -210,15 +209,6 @@ class RecordedRun:
     def _ended_as(self) -> str:
         """ "" where nobody lived to write it."""
         return str(record_files.known(self._file.parent).get("result", ""))
-
-
-def expected() -> tuple[type[Exception], ...]:
-    """What a record, and the machine on which it is made again, may raise."""
-    from controller.runtime.startup import SessionError
-    from drives.bus import BusError
-    from drives.commission import CommissionError
-
-    return ConfigError, SessionError, events.EventError, BusError, CommissionError
 
 
 def spoilt_json(found: Spoilt, period_s: float, key: str) -> dict[str, Any]:

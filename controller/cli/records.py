@@ -10,10 +10,9 @@ from rich.table import Table
 
 from controller.cli.recorded_runs import spoilt_json
 from controller.runtime import records
-from controller.runtime.events import EventError
-from controller.runtime.records import Apart, NoRecord, Record
+from controller.runtime.records import Apart, Record
 from controller.verify import console
-from controller.verify.console import Refused, answered, in_words, refusals, show, spoken
+from controller.verify.console import Refused, answered, refusals, show, spoken
 
 
 def export(
@@ -23,14 +22,11 @@ def export(
 
     Needs the extra recordings.
     """
-    with refusals(as_json, lambda: (EventError,)):
+    with refusals(as_json):
         if out.suffix != records.PARQUET:
             raise Refused(_say("suffix", file=out))
-        found = _read(recording)
-        try:
-            records.write(found, out, spoken.get())
-        except NoRecord as error:
-            raise _refused(error) from error
+        found = records.read(recording)
+        records.write(found, out, spoken.get())
         spoilt = [spoilt_json(one, found.period_s, "records.spoilt") for one in found.spoilt]
         facts = {"kind": found.kind, "rows": found.rows, "columns": _facts(found)}
         facts |= {"partial": bool(spoilt), "spoilt": spoilt}
@@ -49,12 +45,9 @@ def compare(
 
     Exit code 0: the same, within --tolerance. 1: the first row and column that are apart, or another length.
     """
-    with refusals(as_json, lambda: (EventError,)):
-        first, second = _read(a), _read(b)
-        try:
-            found = records.compare(first, second, tolerance)
-        except NoRecord as error:
-            raise _refused(error) from error
+    with refusals(as_json):
+        first, second = records.read(a), records.read(b)
+        found = records.compare(first, second, tolerance)
         facts: dict[str, Any] = {
             "rows": found.rows,
             "lengths": found.lengths,
@@ -74,18 +67,6 @@ def compare(
             raise Refused(_apart(found, first), **facts)
         if not answered(as_json, **facts):
             show.print(_say("same", rows=found.rows, columns=len(found.columns)))
-
-
-def _read(path: Path) -> Record:
-    """Raises Refused."""
-    try:
-        return records.read(path)
-    except NoRecord as error:
-        raise _refused(error) from error
-
-
-def _refused(error: NoRecord) -> Refused:
-    return Refused(in_words(error.said))
 
 
 def _say(key: str, **values: object) -> str:

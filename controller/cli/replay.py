@@ -43,7 +43,7 @@ def replay(
     Exit code 0: the same setpoints. 1: others, with the first tick, time, axis and difference; or no
     record to be made again. 4: the same setpoints, of a run that was held or stopped before its end.
     """
-    with refusals(as_json, recorded_runs.expected):
+    with refusals(as_json):
         folder = folder_of(run, state)
         record = recorded_runs.whole(folder, machine, program)
         if trace_file is not None:

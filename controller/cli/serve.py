@@ -15,8 +15,6 @@ from controller.cli import machine_check
 from controller.ipc import control_socket
 from controller.machine import machine_file
 from controller.machine.model import Machine
-from controller.machine.toml_table import ConfigError
-from controller.runtime.startup import SessionError
 from controller.verify.console import Refused, refusals, say, tell
 
 NOTIFY_S = 5.0  # for systemd to make room
@@ -34,10 +32,9 @@ def serve(
     pendant: Path | None = None,
 ) -> None:
     """Drive a machine: drives, planner and tick, with a local socket for panel and scripts."""
-    from drives.bus import BusError
 
     journald.use()
-    with refusals(False, lambda: (ConfigError, SessionError, BusError)):
+    with refusals(False):
         from controller.service import main
         from controller.service.pendant import read
 

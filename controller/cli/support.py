@@ -66,7 +66,7 @@ def support(
     as_json: bool = False,
 ) -> None:
     """Write one archive for who helps from afar; no secrets are in it."""
-    with refusals(as_json, lambda: (StoreError,)):
+    with refusals(as_json):
         folder = state or control_socket.state_folder()
         if not folder.is_dir():
             raise Refused(say("cli.support.no_state", folder=folder))

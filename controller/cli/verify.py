@@ -29,7 +29,7 @@ from controller.verify.gouges import Findings, Gouge, gouges, in_table
 from controller.verify.judge import SETTLED_MM, Judged, Worst, Zone, judge
 from controller.verify.nominal import Nominal
 from controller.verify.sweep import FIT_MM, Pass
-from controller.workers import Spread, here
+from controller.workers import Spread, Workers, here
 
 if TYPE_CHECKING:
     from controller.verify.bound import Bound
@@ -105,7 +105,7 @@ def verify(
     as_json: bool = False,
 ) -> None:
     """Compute the surface as cut: overcut and undercut along the normal, gouges, collisions."""
-    with refusals(as_json, _expected):
+    with refusals(as_json):
         recorded: trace.Trace | None = None
         spoilt: list[dict[str, Any]] = []
         if (file / events.FILE).is_file():
@@ -120,12 +120,12 @@ def verify(
             recorded = None if part is file else _recorded(file, task)
         task = _lenient(task)
         refuses = (gouge or made.gouge) == "refuse"
-        with workers.spread(count, cluster) as spread:
+        with Workers(count, cluster) as crew:
             with bar(say("cli.bar.verifying"), as_json) as progress:
-                found = _found(task, recorded, commanded, progress, spread)
+                found = _found(task, recorded, commanded, progress, crew.each)
             if with_bound:
                 with bar(say("cli.bar.searching"), as_json) as progress:
-                    found = replace(found, bounds=_bounds(found.judged, progress, spread))
+                    found = replace(found, bounds=_bounds(found.judged, progress, crew.each))
         if plot:
             from controller.verify import pictures
 
@@ -147,7 +147,7 @@ def verify(
 def of_run(folder: Path) -> dict[str, Any]:
     """A recorded run as its drives have cut it: verdict, how many gouges, and each surface in mm.
 
-    Raises what ``expected`` of recorded runs has, Refused, ProgramError, OSError.
+    Raises Refused, TextError, ConfigError, ProgramError, OSError.
     """
     task, recorded, spoilt = _run_again(folder, as_json=True)
     found = _found(_lenient(task), recorded, False, lambda _: None, here)
@@ -176,12 +176,6 @@ def _lenient(task: checked.Task) -> checked.Task:
 
 def _mm(worst: Worst | None) -> float:
     return worst.mm if worst is not None else 0.0
-
-
-def _expected() -> tuple[type[Exception], ...]:
-    from controller.cli import recorded_runs
-
-    return recorded_runs.expected()
 
 
 def _run_again(folder: Path, as_json: bool) -> tuple[checked.Task, trace.Trace, list[dict[str, Any]]]:

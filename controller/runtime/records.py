@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from controller import npz
 from controller.machine import machine_file
 from controller.machine.model import Kind
-from controller.messages import DEFAULT, Key, Message, message, plain, text
+from controller.messages import DEFAULT, Key, Message, TextError, message, plain, text
 from controller.runtime import events
 from controller.state.live_state import FIELDS, Field
 from controller.state.record_files import TRACE
@@ -73,12 +73,11 @@ class Record(NamedTuple):
         return min((len(column.values) for column in self.columns.values()), default=0)
 
 
-class NoRecord(Exception):
-    """What a file is not, or cannot be read without: ``said`` in full."""
+class NoRecord(TextError):
+    """What a file is not, or cannot be read without."""
 
     def __init__(self, key: str, **values: object) -> None:
-        self.said = message(f"records.{key}", **values)
-        super().__init__(text(self.said))
+        super().__init__(message(f"records.{key}", **values))
 
 
 def read(path: Path) -> Record:

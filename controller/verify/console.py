@@ -171,10 +171,9 @@ def ended_as_requested(result: str, sentence: str = "", /, **values: Any) -> End
 
 
 @contextlib.contextmanager
-def refusals(as_json: bool, expected: Callable[[], tuple[type[Exception], ...]] = tuple) -> Iterator[None]:
-    """Turns what a user can mend into one sentence and exit code 1.
-
-    ``expected`` names further errors whose words are such a sentence, beside those of a machine file.
+def refusals(as_json: bool) -> Iterator[None]:
+    """Turns what a user can mend into one sentence and exit code 1: every error that is a text, those of
+    programs and machine files, and what the system refuses.
     """
     try:
         yield
@@ -187,7 +186,7 @@ def refusals(as_json: bool, expected: Callable[[], tuple[type[Exception], ...]] 
     except _of_programs() as error:
         place = {"file": error.file, "line": error.line, "column": error.column}
         _refuse(as_json, in_words(error.placed), {**place, **error.said, **error.facts})
-    except (_of_machine_files(), *expected()) as error:
+    except (messages.TextError, _of_machine_files()) as error:
         own, several = messages.of_error(error), [one.said for one in getattr(error, "mistakes", ())]
         facts = {} if own["key"] == "text" else dict(own)
         if len(several) > 1:
