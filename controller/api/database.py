@@ -196,12 +196,14 @@ class Database:
         try:
             own_files.make_folder(folder)
             own = own_folder.make(folder)
-            if not {own_folder.STORE, log_in_marker.FILE} & {*own_files.names(own)}:
+            there = own_files.names(own)
+            if not {own_folder.STORE, log_in_marker.FILE} & {*there}:
                 log_in_marker.write(own, 0)
             ahead = own_database.ahead(self.file)
             self._sql = own_database.opened(self.file)
             self._sql.row_factory = sqlite3.Row
             self.lost = own_database.put_lost_aside(self._sql, self.file, ahead)
+            self.is_gone = own_folder.PROGRAMS in there and not _version(self)  # all that was in it
             self._sql.execute("PRAGMA foreign_keys = ON")
             sealed_rows.seal(self._sql, anew=_migrate(self))
         except (OSError, sqlite3.Error) as error:

@@ -9,6 +9,7 @@ rest_of(...) what is left of it from a place on
 from __future__ import annotations
 
 import contextlib
+import itertools
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -36,7 +37,7 @@ from controller.program import blocks, carried, modal
 from controller.program.carried import InForce
 from controller.program.modal import State
 from controller.program.position import homed
-from controller.program.program import Act, Block, CutBlock, GougeRefused, Place, ProgramError
+from controller.program.program import Act, Aside, Block, CutBlock, GougeRefused, Place, ProgramError
 from controller.program.source_text import may_cut
 from controller.verify import wording
 from controller.verify.audit import Audit, FormRefused, Watched, audit
@@ -387,9 +388,12 @@ def place_ahead(asked: Task, spread: Spread, progress: Progress = lambda _: None
         return
     wanted: dict[placing.RequiredPlacement, None] = {}
     with contextlib.suppress(ProgramError):
-        for block in _with_progress(_blocks(asked), asked, _between(progress, 0.0, 0.1)):
-            if isinstance(block, CutBlock):
-                wanted |= dict.fromkeys(cuts.required_placements(block, asked.machine))
+        read = _with_progress(_blocks(asked), asked, _between(progress, 0.0, 0.1))
+        moving = (block for block in read if not isinstance(block, Aside))
+        for is_cut, group in itertools.groupby(moving, lambda block: isinstance(block, CutBlock)):
+            row = (block for block in group if isinstance(block, CutBlock))
+            for together in cuts.placed_together(row, asked.machine) if is_cut else ():
+                wanted |= dict.fromkeys(cuts.required_placements(together, asked.machine))
     unknown = [one for one in wanted if not one.is_known]
     for k, recipes in enumerate(spread(placing.searched, unknown, PLACING_S)):
         placements.learn(recipes)

@@ -116,8 +116,10 @@ def default_problems(settings: Settings, sheet: Sheet) -> Iterator[Message]:
             stopping.arrange(PaperDrive(settings, sheet), settings, units)
         else:
             stopping.of_spindle(settings, units)
-    except (UnitError, CommissionError) as error:
+    except UnitError as error:
         yield message("on_paper.units", sheet=sheet.name, problem=error.said)
+    except CommissionError as error:
+        yield message("on_paper.as_delivered", sheet=sheet.name, problem=error.said)
 
 
 class PaperDrive:

@@ -61,7 +61,7 @@ def drawn(rng: random.Random, machine: Machine, ticks: int) -> tuple[int, Late]:
     script = "\n".join([f"seed {rng.randrange(1000)}", *faults]) if faults else ""
     again = rng.random() < 0.3
     to_end = again or bool(asked) or rng.random() < 0.1
-    return rng.randrange(ticks), Late("drawn", late, slow, asked, script, silent, again, to_end=to_end)
+    return rng.randrange(ticks), Late("drawn", late, slow, asked, False, to_end, script, silent, again)
 
 
 def searched(rng: random.Random, name: str, cases: int) -> None:

@@ -23,8 +23,10 @@ from controller.motion.motions import DEG_PER_MM, Rotaries
 from controller.plan import junctions
 from controller.plan.context import Context
 from controller.plan.lines import lines, rows
+from controller.plan.lines.corners import Feed
 from controller.plan.lines.lines import Stand
 from controller.plan.lines.row_motions import Begun, RowMotions, feed_of
+from controller.plan.lines.rows import Part
 from controller.plan.rotaries import tool_paths
 from controller.plan.rotaries.tool_axes import AxisLost, GreatCircles, follow
 from controller.plan.rotaries.tool_paths import LITTLE_RAD, WITHIN_REACH
@@ -42,13 +44,6 @@ SHORT_MM = 0.12  # of s, median length of the lines of a row
 SPANS = 128  # lines of one motion at most
 SAMPLES = 2  # of each line for the audit of travel
 OFF_RAD = 1e-9  # a cubic may leave a great circle's rotaries, in the middle of a line
-
-
-class Laid(NamedTuple):
-    """A part of a row, and where it ends."""
-
-    chains: list[ContinuousPath]
-    stand: Stand
 
 
 class _Ways(NamedTuple):
@@ -90,11 +85,12 @@ class ExactLines:
             and block.feed_mm_s is not None
             and block.probe is None
             and not self._tool_limits
+            and not rows.blends(block)
         )
 
-    def goes_with(self, block: TipLine) -> bool:
+    def goes_with(self, block: Feed) -> bool:
         """Whether it may stand in one row with those that wait."""
-        return not self._blocks or rows.alike(block.modal, self._blocks[0].modal)
+        return rows.alike(block.modal, self._blocks[0].modal)
 
     def add(self, block: TipLine) -> bool:
         """Whether it is time to look at them."""
@@ -106,7 +102,7 @@ class ExactLines:
         """Of their tool."""
         return self._blocks[0].modal.length_mm
 
-    def parts(self, standing: Callable[[], Stand], final: bool) -> Iterator[Laid | list[TipLine]]:
+    def parts(self, standing: Callable[[], Stand], final: bool) -> Iterator[Part]:
         """Rows, and lines that are no row, in order; ``standing``: where the path has come to by then.
 
         Not ``final``: the last lines wait for those behind them.
@@ -124,17 +120,17 @@ class ExactLines:
             if last - first < MIN_LINES and not goes_on:
                 last = first if waits else last
                 if alone := blocks[:last]:
-                    yield alone
+                    yield Part(alone)
             else:
                 if first:
-                    yield blocks[:first]
+                    yield Part(blocks[:first])
                 try:
                     chains, goes_on = self._chains(blocks, ways, first, last, waits)
                 except ProgramError:  # each alone: what is before the one that is refused is sound
                     goes_on = False
-                    yield blocks[first:last]
+                    yield Part(blocks[first:last])
                 else:
-                    yield Laid(chains, self._stand(ways, last, stand.length_mm))
+                    yield Part((), laid=(chains, self._stand(ways, last, stand.length_mm)))
             blocks = blocks[last:]
         self._blocks, self._goes_on, self._look = blocks, goes_on, look
 

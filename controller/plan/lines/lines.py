@@ -22,6 +22,7 @@ from controller.messages import Key, message
 from controller.motion.motions import DEG_PER_MM, Rotaries, ToolLine
 from controller.plan.context import Context
 from controller.plan.junctions import JUMP_SHARE, STOP_SHARE
+from controller.plan.lines import moves
 from controller.plan.rotaries.tool_axes import AxisLost, Followed, GreatCircles, follow
 from controller.plan.rotaries.tool_paths import LITTLE_RAD
 from controller.plan.rotaries.turns import SAME_ROTARY_RAD
@@ -343,7 +344,9 @@ END_SHARE = 1e-4  # share of a line over which its rates at an end are measured
 
 
 def runs_through(before: Segment, after: Segment, context: Context) -> bool:
-    """Whether two exact tool lines need no stop between them: their rates jump by little in one tick."""
+    """Whether two exact motions need no stop between them: rates of tool lines may jump a little a tick."""
+    if moves.runs_through(before, after):
+        return True
     if not isinstance(before.motion, ToolLine) or not isinstance(after.motion, ToolLine):
         return False
     if before.feed_mm_s is None or after.feed_mm_s is None:

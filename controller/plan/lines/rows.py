@@ -12,7 +12,8 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_left, bisect_right
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -47,6 +48,15 @@ BLEND_DEG = 0.05  # G64 P without Q: the axis may leave its way by so much (17 u
 STANDING_DEG = 1.0  # turns of a standing tip that a row runs through
 AUDIT_DEG = 2.0  # turn of an exact line per sample of its audit
 MIN_GAP = 1e-9  # corners nearer than this in s are one
+
+
+class Part(NamedTuple):
+    """Lines that waited until it was known how they are laid."""
+
+    blocks: Sequence[Feed]
+    blended: bool = False  # they are one row; otherwise each is exact
+    goes_on: bool = False  # the next line is a part of the same row
+    laid: tuple[list[ContinuousPath], Stand] | None = None  # as exact chains already, and where they end
 
 
 def blends(block: Feed) -> bool:

@@ -16,14 +16,23 @@ from controller.machine.model import Joints
 from controller.messages import message
 from controller.motion.motions import JointMove
 from controller.plan.context import Context
+from controller.plan.lines import moves
 from controller.plan.lines.moves import xyz_of
 from controller.plan.segment import Segment, joints_of, rotaries_of
 from controller.program.position import placed, read_in, shifted
-from controller.program.program import JointCurve
+from controller.program.program import JointCurve, JointLine, JointMotion
 
 SLOW = 0.01  # of the highest rate of a span: where the least one is below, it is looked for
 SAMPLES = 257  # of a span
 BESIDE_KNOT = 1e-6  # of the parameter: nearer to a knot there is an end already
+
+
+def moves_of(block: JointMotion, context: Context, now: Joints) -> list[Segment]:
+    """The moves of a G0 to G5.2 without a tool-centre mode, as it stands there; none where nothing moves."""
+    if isinstance(block, JointCurve):
+        return segments(block, context, now)
+    one = moves.line(block, context, now) if isinstance(block, JointLine) else moves.arc(block, context, now)
+    return [one] if one is not None else []
 
 
 def segments(block: JointCurve, context: Context, now: Joints) -> list[Segment]:

@@ -24,12 +24,11 @@ from controller.program.program import (
     Act,
     Action,
     Block,
-    JointLine,
     Modal,
     Outputs,
     Overrides,
     Probing,
-    TipLine,
+    probing_of,
 )
 
 _Said = tuple[Outputs, Overrides, bool]
@@ -97,8 +96,7 @@ class Switched:
 
 
 def _feeds(block: Block | None) -> bool:
-    probes = isinstance(block, JointLine | TipLine) and block.probe is not None
-    return isinstance(block, Feed) and block.feed_mm_s is not None and not probes
+    return isinstance(block, Feed) and block.feed_mm_s is not None and probing_of(block) is None
 
 
 def _tied(chain: ContinuousPath) -> bool:

@@ -8,7 +8,7 @@ gone through whole.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -32,9 +32,11 @@ BESIDE = np.linspace(0.0, 1.0, 129)[1:] ** 2  # of a lead, closer where it joins
 TURNED = np.linspace(0.0, 1.0, 17)
 
 
-def build(block: CutBlock, context: Context) -> tuple[Cut, ...]:
-    """As ``cuts.build``, for whatever placement is asked for."""
-    return cuts.build(block, context, partial(_least_off, machine=context.machine, name=context.program))
+def build(blocks: Iterable[CutBlock], context: Context) -> Iterator[Cut]:
+    """As ``cuts.build``, for whatever placement is asked for; what joins smoothly is placed together."""
+    auto = partial(_least_off, machine=context.machine, name=context.program)
+    for group in cuts.placed_together(blocks, context.machine):
+        yield from cuts.build(group, context, auto)
 
 
 def _least_off(parts: Parts, machine: Machine, name: str) -> tuple[Surface, ...]:
@@ -63,9 +65,10 @@ def _least_off(parts: Parts, machine: Machine, name: str) -> tuple[Surface, ...]
 
 def _choice_inputs(parts: Parts, machine: Machine) -> tuple[object, ...]:
     """What the choice depends on beside the surfaces: the block's joints and its leads."""
-    block, joints = parts.block, blending.allowed_by(parts.block.modal, machine)
+    block, joints = parts.blocks[0], blending.allowed_by(parts.blocks[0].modal, machine)
     led = machine.lead_mm, machine.lead_feed_mm_s, machine.period_s, machine.axes
-    return block.feed_mm_s, block.modal.frame(machine), joints, led
+    others = tuple(one.feed_mm_s for one in parts.blocks[1:])
+    return block.feed_mm_s, block.modal.frame(machine), joints, led, *others
 
 
 def _middle(way: Sequence[Cut], grids: Sequence[Grid]) -> float:

@@ -50,7 +50,7 @@ def _moving(blocks: Iterable[Block]) -> Iterator[Block]:
 
 
 def _rows(blocks: Iterable[CutBlock], context: Context) -> Iterator[Row]:
-    ready = [cut for block in blocks for cut in auto.build(block, context)]
+    ready = list(auto.build(blocks, context))
     for members, _ in train.trains(ready, context):
         yield Row(members[0].block.place.order, _ways(members, context))
 

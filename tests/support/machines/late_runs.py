@@ -55,11 +55,11 @@ class Late(NamedTuple):
     late_s: Mapping[int, float]  # ticks that come so late
     slow_s: Mapping[int, float]  # ticks that take so long from their look at the pump to their plan
     asked: Sequence[Event] = ()
+    within: bool = False  # no tick is later than the stock lasts
+    to_end: bool = False
     faults: str = ""  # script of what befalls the buses, from the fork on
     silent: Sequence[range] = ()  # ticks in which the planner has no turn
     again: bool = False  # after its end the machine comes up, and the program begins anew
-    within: bool = False  # no tick is later than the stock lasts
-    to_end: bool = False
 
     @property
     def last(self) -> int:

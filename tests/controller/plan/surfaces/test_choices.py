@@ -73,7 +73,7 @@ def test_the_program_turns_no_farther_than_with_any_other_branches(leans: tuple[
     for code in range(2 ** len(leans)):
         now, total = (0.0, 0.0), 0.0
         for bit, block in enumerate(blocks.read(text.encode(), built, "part.ngc").blocks[:-1]):
-            (cut,) = auto.build(block, Context.silent(built))
+            (cut,) = auto.build([block], Context.silent(built))
             ways = legs.options(legs.Fields([cut], kinematics), Context.silent(built), now)
             start = ways[code >> bit & 1].way.start
             total += abs(start[0] - now[0]) + abs(start[1] - now[1])
@@ -91,7 +91,7 @@ def test_no_cut_is_slower_than_on_another_branch_that_fits(name: str) -> None:
     near, apart = rotaries_of(now, kinematics), 0
     for seed in range(2):
         read = blocks.read(text(compound(seed, 1), 9000.0).encode(), built, "part.ngc")
-        cuts = auto.build(next(b for b in read.blocks if isinstance(b, CutRuled)), silent)
+        cuts = list(auto.build([next(b for b in read.blocks if isinstance(b, CutRuled))], silent))
         order = cuts[0].block.place.order
 
         def cut_s(chosen: dict[int, Rotaries], blocks: Sequence[Block] = read.blocks) -> float:
@@ -132,7 +132,7 @@ def test_without_choices_or_with_wrong_ones_a_train_decides_for_itself() -> None
     silent = Context.silent(built, "part.ngc")
     (block,) = blocks.read(CONE.format("90.").encode(), built, "part.ngc").blocks
     assert isinstance(block, CutCone)
-    (cut,) = auto.build(block, silent)
+    (cut,) = auto.build([block], silent)
     alone = train.choose([cut], silent, (0.0, 0.0))
     wrong = train.choose([cut], silent, (0.0, 0.0), (0.1, 0.2))
     assert wrong[0].start == alone[0].start
@@ -147,7 +147,7 @@ def test_of_a_long_train_only_the_ends_of_its_cuts_are_kept() -> None:
     silent = Context.silent(built, "part.ngc")
     (block,) = blocks.read(CONE.format("90.").encode(), built, "part.ngc").blocks
     assert isinstance(block, CutCone)
-    fields = legs.Fields(auto.build(block, silent), kinematics)
+    fields = legs.Fields(list(auto.build([block], silent)), kinematics)
     kept, whole = (legs.options(fields, silent, (0.0, 0.0), whole) for whole in (False, True))
     assert [one.way for one in kept] == [one.way for one in whole] and len(kept) == 2
     for one, other in zip(kept, whole, strict=True):
