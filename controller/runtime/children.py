@@ -91,14 +91,19 @@ class Child:
         return text(message("process.ended", role=self.role, code=code)) if code else ""
 
     def end(self) -> None:
-        """Ask it to end; kill it if it does not."""
-        for number in (signal.SIGTERM, signal.SIGCONT):  # a stopped process hears nothing
-            self.process.send_signal(number)
-        try:
-            self.process.wait(END_S)
-        finally:
-            self.process.kill()
-            self.process.wait()
+        """Ask it to end; kill it if it does not. Raises TimeoutExpired then."""
+        end(self.process, END_S)
+
+
+def end(process: subprocess.Popen[bytes], patience_s: float) -> None:
+    """Ask a process to end; kill it if it does not. Raises TimeoutExpired then."""
+    for number in (signal.SIGTERM, signal.SIGCONT):  # a stopped process hears nothing
+        process.send_signal(number)
+    try:
+        process.wait(patience_s)
+    finally:
+        process.kill()
+        process.wait()
 
 
 def start(
