@@ -113,7 +113,7 @@ def on_paper(
     except sheet.SheetError as error:
         return [of_drive(settings, error)], []
     problems, warned = _of_paper(settings, master, about, bit_rate)
-    problems = (*problems, *possible.unit_problems(settings, about))
+    problems = (*problems, *possible.default_problems(settings, about))
     warned = (*warned, *identity.contradictions(about))
     return [of_drive(settings, one) for one in problems], [of_drive(settings, one) for one in warned]
 
@@ -154,7 +154,7 @@ def _set_up(drive: Drive, settings: NodeSettings | SpindleSettings, master: Mast
     if isinstance(settings, NodeSettings):
         drive.outcome.arranged = stopping.arrange(drive, settings, units)
     else:
-        drive.outcome.arranged = stopping.of_spindle(drive, settings, units)
+        drive.outcome.arranged = stopping.of_spindle(settings, units)
     drive.set_mode(_mode(settings))
 
 

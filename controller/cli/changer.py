@@ -2,43 +2,38 @@
 
 from __future__ import annotations
 
-import json
 from typing import Annotated, Any
 
 import typer
 
 from controller.cli import remote
-from controller.cli.client import Json, TakeOver, Url, connected, tell_done
-from controller.cli.speech import say, speaking
-from controller.verify.console import Refused, show
+from controller.cli.client import Url, connected, tell_done
+from controller.cli.speech import Verbs, say
+from controller.verify.console import Refused, answered, show
 
-app = typer.Typer()
+app = Verbs()
 
 
 @app.callback(invoke_without_command=True)
-@speaking
-def shown(context: typer.Context, url: Url = remote.URL, as_json: Json = False) -> None:
+def shown(context: typer.Context, url: Url = remote.URL, as_json: bool = False) -> None:
     """Show spindle, pockets and what must be confirmed."""
     if context.invoked_subcommand is not None:
         return
     with connected(url, as_json) as machine:
         facts = machine.get("changer")
-        if as_json:
-            print(json.dumps({"ok": True, **facts}))
-        else:
+        if not answered(as_json, **facts):
             for line in lines(facts):
-                show.print(line, markup=False)
+                show.print(line)
 
 
 @app.command()
-@speaking
 def confirm(
     spindle: Annotated[int, typer.Option("--spindle")],
-    away: Annotated[list[int] | None, typer.Option("--away")] = None,
-    clear: Annotated[bool, typer.Option("--clear")] = False,
-    take_over: TakeOver = False,
+    away: list[int] | None = None,
+    clear: bool = False,
+    take_over: bool = False,
     url: Url = remote.URL,
-    as_json: Json = False,
+    as_json: bool = False,
 ) -> None:
     """Say where every tool is: each one that is not named is in its pocket."""
     with connected(url, as_json) as machine:
@@ -50,13 +45,8 @@ def confirm(
 
 
 @app.command()
-@speaking
 def pocket(
-    number: Annotated[int, typer.Argument()],
-    tool: Annotated[int, typer.Argument()],
-    take_over: TakeOver = False,
-    url: Url = remote.URL,
-    as_json: Json = False,
+    number: int, tool: int, take_over: bool = False, url: Url = remote.URL, as_json: bool = False
 ) -> None:
     """Give a pocket to a tool; where all tools are must be confirmed then."""
     with connected(url, as_json) as machine, machine.control(take_over):
@@ -64,7 +54,7 @@ def pocket(
 
 
 def lines(facts: dict[str, Any]) -> list[str]:
-    """What it tells, a line for each pocket."""
+    """Spindle and pockets, a line each."""
     spindle = facts.get("spindle")
     shown = say("changer_unknown") if spindle is None else f"T{spindle}" if spindle else say("changer_empty")
     told = [f"{say('changer_spindle')}: {shown}"]

@@ -2,29 +2,24 @@
 
 from __future__ import annotations
 
-import json
 from typing import Annotated, Any
 
 import typer
 from rich.table import Table
 
 from controller.cli import remote
-from controller.cli.client import Json, Url, connected
-from controller.cli.speech import say, speaking
-from controller.verify.console import show, word
+from controller.cli.client import Url, connected
+from controller.cli.speech import say
+from controller.verify.console import answered, show, word
 
 
-@speaking
 def maintenance(
     name: Annotated[str, typer.Argument()] = "",
-    every: Annotated[
-        float | None,
-        typer.Option("--every"),
-    ] = None,
-    counter: Annotated[str, typer.Option("--counter")] = "",
-    done: Annotated[bool, typer.Option("--done")] = False,
+    every: float | None = None,
+    counter: str = "",
+    done: bool = False,
     url: Url = remote.URL,
-    as_json: Json = False,
+    as_json: bool = False,
 ) -> None:
     """List jobs of maintenance with their counters, make or change one, or say that it was done."""
     if not name and (every is not None or counter or done):
@@ -35,9 +30,7 @@ def maintenance(
         if done:
             machine.post("usage/maintenance/done", {"name": name})
         told = machine.get("usage")
-        if as_json:
-            print(json.dumps({"ok": True, "items": told["items"], "counters": told["counters"]}))
-        else:
+        if not answered(as_json, items=told["items"], counters=told["counters"]):
             show.print(table(told))
 
 

@@ -1,8 +1,7 @@
-"""``directrix probe``: a probing cycle from where the probe stands."""
+"""``directrix probe``: a probing cycle from where the probe is."""
 
 from __future__ import annotations
 
-import json
 from datetime import datetime
 from pathlib import Path
 from typing import Annotated, Any
@@ -10,25 +9,24 @@ from typing import Annotated, Any
 import typer
 
 from controller.cli import remote, waiting
-from controller.cli.client import Json, TakeOver, Url, Wait, carried_out, connected, named, tell_done
-from controller.cli.speech import say, speaking
-from controller.verify.console import show, word
+from controller.cli.client import Url, carried_out, connected, named, tell_done
+from controller.cli.speech import say
+from controller.verify.console import answered, show, word
 
 
-@speaking
 def probe(
     cycle: Annotated[str | None, typer.Argument()] = None,
     values: Annotated[list[str] | None, typer.Argument()] = None,
-    offset: Annotated[str, typer.Option("--offset")] = "none",
-    found: Annotated[bool, typer.Option("--found")] = False,
+    offset: str = "none",
+    found: bool = False,
     table: Annotated[Path | None, typer.Option("--csv")] = None,
-    touches: Annotated[Path | None, typer.Option("--touches")] = None,
-    wait: Wait = False,
-    take_over: TakeOver = False,
+    touches: Path | None = None,
+    wait: bool = False,
+    take_over: bool = False,
     url: Url = remote.URL,
-    as_json: Json = False,
+    as_json: bool = False,
 ) -> None:
-    """Run a probing cycle from where the probe stands, list the cycles, or what they have found."""
+    """Run a probing cycle from where the probe is, list the cycles, or what they have found."""
     with connected(url, as_json) as machine:
         for file, key, path in ((table, "probed_csv", "found"), (touches, "touches_csv", "touches")):
             if file is not None:
@@ -53,27 +51,25 @@ def probe(
 
 
 def _show_found(told: dict[str, Any], as_json: bool) -> None:
-    if as_json:
-        print(json.dumps({"ok": True, **told}))
+    if answered(as_json, **told):
         return
     if not told["found"]:
         show.print(say("probed_nothing"))
     for one in told["found"]:
         at = datetime.fromtimestamp(one["at_s"]).strftime("%Y-%m-%d %H:%M:%S")
         values = " ".join(f"{name}={value:g}" for name, value in one["values"].items())
-        show.print(f"{at} {one['program']} {one['cycle']} {values}", markup=False, soft_wrap=True)
+        show.print(f"{at} {one['program']} {one['cycle']} {values}", soft_wrap=True)
 
 
 def _list(told: dict[str, Any], as_json: bool) -> None:
-    if as_json:
-        print(json.dumps({"ok": True, **told}))
+    if answered(as_json, **told):
         return
     for cycle in told["cycles"]:
-        show.print(f"{cycle['name']}: {word('probing.cycle.' + cycle['name'])}", markup=False)
+        show.print(f"{cycle['name']}: {word('probing.cycle.' + cycle['name'])}")
         for value in cycle["values"]:
             bounds = "|".join(value["choices"]) if "choices" in value else _bounds(value)
             name = word("probing.value." + value["name"])
-            show.print(f"    {value['name']}={value['usual']}  {name} ({bounds})", markup=False)
+            show.print(f"    {value['name']}={value['usual']}  {name} ({bounds})")
 
 
 def _bounds(value: dict[str, Any]) -> str:

@@ -8,9 +8,9 @@ rest, in a pause.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import ClassVar, NamedTuple, NoReturn
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -256,20 +256,6 @@ class Path:
     items: tuple[PathItem, ...]
     notes: tuple[Note, ...]
     end: Joints
-
-
-Tell = Callable[[Place, Message], None]
-
-
-@dataclass(frozen=True, slots=True)
-class Diagnostics:
-    """How the parts of the trace speak: refuse a block, or note something about it."""
-
-    program: str
-    tell: Tell
-
-    def refuse(self, place: Place, why: Message) -> NoReturn:
-        raise place.refusal(self.program, why)
 
 
 def rotaries_of(joints: Joints, kinematics: Kinematics) -> Rotaries:

@@ -16,7 +16,7 @@ from controller.machine.model import CALL_LEVELS, PROGRAM_PASSES
 from controller.messages import Key, message
 from controller.program import macros, marks, own_codes
 from controller.program.expressions import GAPS, Values
-from controller.program.line import Line, Where, Word
+from controller.program.line import Line, Where, Word, waits
 from controller.program.macros import NUMBER_OF, Macro
 from controller.program.marks import ALONE, COMPUTED, STRUCTURES, Mark, Marks
 from controller.program.parameters import ARGUMENTS, Name, Parameters
@@ -122,10 +122,13 @@ class Run:
     def lines(self) -> Iterator[Line]:
         """All lines with words or messages, as often as they are carried out. Raises ProgramError."""
         while (frame := self._frames[-1]).at <= len(frame.source.text):
+            number = frame.number
             try:
                 line = self._next(frame)
             except ProgramError as error:
                 raise error.within(frame.callers) from None
+            for wait in waits(self._parameters.taken_reads(), frame.source.name, number):
+                yield from self._execute(wait, frame)
             if line is not None:
                 yield from self._execute(line, frame)
             if self._due is not None:

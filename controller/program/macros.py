@@ -23,10 +23,12 @@ from collections.abc import Iterator
 from types import MappingProxyType
 from typing import NamedTuple
 
+from controller.messages import message
 from controller.program.expressions import GAPS
 from controller.program.line import ANGLES, AXES, CENTRE, LENGTHS, Line, Word, pointed
 from controller.program.marks import Mark, behind_bracket
 from controller.program.parameters import Name
+from controller.program.program import ProgramError
 from controller.program.source_text import NEWLINE, Text, without_comments
 
 GOTO, IF_GOTO, IF_THEN = "goto", "if goto", "if then"  # keywords; a loop is a while of an O-word
@@ -39,6 +41,7 @@ _STATEMENT = re.compile(
     re.IGNORECASE,
 )
 _DO = re.compile(rf"do[ \t]*([0-9]+)[{GAPS}]*$")
+_DO_AND_MORE = re.compile(rf"(?:\][{GAPS}]*|(?<![a-z]))(do[ \t]*[0-9]+)[{GAPS}]*[^{GAPS}0-9]")
 _NUMBER = re.compile(rf"[ \t]*([0-9]+)[{GAPS}]*$")
 # A pattern for each letter: one that begins with a letter is looked for at a run.
 _SIGNS = [
@@ -68,6 +71,9 @@ def statements(text: str, name: str, end: int) -> Iterator[Mark]:
         raw, begins = text[at : newline.start() if newline else len(text)], found.start("word") - at
         bare = without_comments(raw, name, number).lower()
         kind = _kind(found["word"].lower(), bare, begins, loops)
+        if kind is None and (more := _DO_AND_MORE.search(bare, begins)) is not None:
+            why = message("flow.behind_do", do=" ".join(more[1].upper().split()))
+            raise ProgramError(name, number, more.end(1) + 1, why)
         if kind is not None:
             after = newline.end() if newline else len(text) + 1
             written = " ".join(raw[begins:].split())

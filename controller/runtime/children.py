@@ -3,7 +3,7 @@ of them begins.
 
 They are fresh interpreters and no forks, so that nothing of the parent (its terminal, its
 threads, its open files) reaches into a process that has a deadline. Each is a process
-group of its own, for Ctrl-C is the parent's alone, and is told to end when the parent dies,
+group of its own, for Ctrl-C is the parent's alone, and is asked to end when the parent dies,
 whatever it dies of.
 """
 
@@ -108,7 +108,7 @@ def start(
     descriptors: Sequence[int] = (),
     name: str = "",
 ) -> Child:
-    """Start the process of a role on its job; ``folder`` holds what it is told and says.
+    """Start the process of a role on its job; ``folder`` holds what it is given and says.
 
     ``name``: of its files, where there are several of that role.
     """
@@ -175,7 +175,7 @@ def own_error(role: str, error: Exception) -> str:
     return text(message("process.own_error", role=role, error=internal_error.summary(error)))
 
 
-class Asked:
+class EndRequest:
     """Becomes true when this process is asked to end."""
 
     def __init__(self) -> None:

@@ -91,7 +91,7 @@ class Alarms:
             sql.execute("INSERT OR REPLACE INTO alarms VALUES (?, ?)", row)
             sql.execute("DELETE FROM alarms WHERE id < ?", (first,))
 
-        with contextlib.suppress(OSError):  # it is told all the same
+        with contextlib.suppress(OSError):  # it is reported all the same
             self._store.insist(write)
 
 

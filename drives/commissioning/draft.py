@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from drives.commissioning import possible
-from drives.commissioning.sheet import Sheet
+from drives.commissioning.sheet import Sheet, range_of
 from drives.profile import STANDARD_HOMING, CyclicMode, Profile, Supervision
 from drives.settings import MasterSettings, NodeSettings
 from drives.texts import Message, message
@@ -140,11 +140,11 @@ def _periods(sheet: Sheet, notes: dict[str, Message]) -> dict[str, Any]:
 def _limits(sheet: Sheet, index: int, sub: int) -> tuple[int, int]:
     """Least and largest value of an integer; those of one byte where the sheet has no such object."""
     found = sheet.find(index, sub)
-    least, most = possible.range_of(found) if found is not None else (None, None)
+    least, most = range_of(found) if found is not None else (None, None)
     return (-128, 255) if least is None or most is None else (least, most)
 
 
 def _most(sheet: Sheet, index: int, sub: int) -> int | None:
     found = sheet.find(index, sub)
-    most = possible.range_of(found)[1] if found is not None else None
+    most = range_of(found)[1] if found is not None else None
     return most if most and most < Profile().most_following_error else None

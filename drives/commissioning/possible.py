@@ -13,10 +13,9 @@ from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
 
-from canopen.objectdictionary import ODVariable
-
-from drives.commissioning import identity, wanted
-from drives.commissioning.sheet import INTEGERS, Sheet
+from drives.commissioning import identity, stopping, wanted
+from drives.commissioning.network import CommissionError
+from drives.commissioning.sheet import INTEGERS, Sheet, range_of
 from drives.commissioning.units import UnitError, counts_of, si, units_of
 from drives.commissioning.values import shown_at
 from drives.commissioning.wanted import RPDO, Pdo, Setting, Settings, where
@@ -103,8 +102,8 @@ def _of_search(node: NodeSettings, sheet: Sheet) -> Iterator[Message]:
         yield message("on_paper.search", **facts, objects=chain("and", unsaid))
 
 
-def unit_problems(settings: Settings, sheet: Sheet) -> Iterator[Message]:
-    """What commissioning would refuse of the units of a drive that has the sheet's defaults still.
+def default_problems(settings: Settings, sheet: Sheet) -> Iterator[Message]:
+    """What commissioning would refuse of units, speeds and stops of a drive with the sheet's defaults.
 
     Whoever has set a drive up by its maker's tool says so by an override of the default.
     """
@@ -114,8 +113,32 @@ def unit_problems(settings: Settings, sheet: Sheet) -> Iterator[Message]:
         units = units_of(settings, sheet.default)
         if isinstance(settings, NodeSettings):
             tuple(wanted.homing_in_units(settings, units))
+            stopping.arrange(PaperDrive(settings, sheet), settings, units)
+        else:
+            stopping.of_spindle(settings, units)
     except UnitError as error:
         yield message("on_paper.units", sheet=sheet.name, problem=error.said)
+    except CommissionError as error:
+        yield message("on_paper.as_delivered", sheet=sheet.name, problem=error.said)
+
+
+class PaperDrive:
+    """A drive as its sheet has it after power-on; what may be written, it takes."""
+
+    def __init__(self, settings: NodeSettings, sheet: Sheet) -> None:
+        self.settings = settings
+        self.sheet = sheet
+
+    def says(self, what: Message) -> Message:
+        return what
+
+    def find(self, index: int, sub: int = 0) -> int | None:
+        return self.sheet.default(index, sub)
+
+    def offer(self, setting: Setting, at_least: bool = False) -> tuple[int | None, Message | None]:
+        before = self.find(*setting.place)
+        enough = at_least and before is not None and before > setting.value
+        return (setting.value if self.sheet.writable(*setting.place) and not enough else before), None
 
 
 class Verdict(NamedTuple):
@@ -146,8 +169,10 @@ def of_profile(profile: Profile, sheet: Sheet, master: MasterSettings, bit_rate:
         for one in problems(each, master, sheet, bit_rate)
         if one not in needed
     )
-    units = [*unit_problems(base, sheet)]
-    is_refused = units and all(any(unit_problems(replace(base, **one), sheet)) for one in UNITS_OF_A_MACHINE)
+    units = [*default_problems(base, sheet)]
+    is_refused = units and all(
+        any(default_problems(replace(base, **one), sheet)) for one in UNITS_OF_A_MACHINE
+    )
     undecided = [*([] if is_refused else units), *_counts(sheet)]
     told = [*warnings(base, master, sheet), *identity.contradictions(sheet)]
     remarks = [*(message("sentence", text=one) for one in once((*told, *beside))), *_remarks(profile, sheet)]
@@ -350,16 +375,3 @@ def _of_setting(setting: Setting, sheet: Sheet) -> Iterator[Message]:
     if least is not None and most is not None and not least <= setting.value <= most:
         values = {"wanted": shown(setting.value), "least": shown(least), "most": shown(most)}
         yield message("on_paper.beyond_range", **facts, **values)
-
-
-def range_of(found: ODVariable) -> tuple[int | None, int | None]:
-    """What the type holds, narrowed by the limits; zeros, or turned round, were not meant."""
-    if found.data_type not in INTEGERS:
-        return None, None
-    bits, signed = INTEGERS[found.data_type]
-    least, most = (-(1 << bits - 1), (1 << bits - 1) - 1) if signed else (0, (1 << bits) - 1)
-    if found.min == found.max == 0 or (found.min or least) > (most if found.max is None else found.max):
-        return least, most
-    return max(least, least if found.min is None else found.min), min(
-        most, most if found.max is None else found.max
-    )

@@ -307,3 +307,16 @@ def _expand(kept: sheet_text.Sections, index: str, values: dict[str, str], count
     member.setdefault("AccessType", "ro")
     for sub in range(1, count + 1):
         kept[f"{index}sub{sub:X}"] = member
+
+
+def range_of(found: ODVariable) -> tuple[int | None, int | None]:
+    """What the type holds, narrowed by the limits; zeros, or turned round, were not meant."""
+    if found.data_type not in INTEGERS:
+        return None, None
+    bits, signed = INTEGERS[found.data_type]
+    least, most = (-(1 << bits - 1), (1 << bits - 1) - 1) if signed else (0, (1 << bits) - 1)
+    if found.min == found.max == 0 or (found.min or least) > (most if found.max is None else found.max):
+        return least, most
+    return max(least, least if found.min is None else found.min), min(
+        most, most if found.max is None else found.max
+    )

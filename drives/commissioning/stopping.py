@@ -27,11 +27,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import Protocol
 
 from drives.arranged import Arranged
 from drives.commissioning.network import CommissionError
-from drives.commissioning.possible import range_of
-from drives.commissioning.remote import Drive, RefusedError
+from drives.commissioning.remote import RefusedError
+from drives.commissioning.sheet import Sheet, range_of
 from drives.commissioning.units import RATE, SPEED, Units
 from drives.commissioning.wanted import Setting, where
 from drives.settings import NodeSettings, SpindleSettings
@@ -64,6 +65,19 @@ class Offer:
     at_least: bool = False
 
 
+class Drive(Protocol):
+    """One that is offered it: on the bus, or on paper."""
+
+    @property
+    def sheet(self) -> Sheet: ...
+
+    def says(self, what: Message, /) -> Message: ...
+
+    def find(self, index: int, /) -> int | None: ...
+
+    def offer(self, setting: Setting, at_least: bool, /) -> tuple[int | None, Message | None]: ...
+
+
 def arrange(drive: Drive, node: NodeSettings, units: Units) -> Arranged:
     """Offer all of it and read it back. Raises CommissionError, UnitError."""
     if node.feed_forward:
@@ -90,7 +104,7 @@ def arrange(drive: Drive, node: NodeSettings, units: Units) -> Arranged:
         notes.append(_note(drive, message("stopping.not_known", seconds=stop_s)))
     if stop_s > node.most_quick_stop_s:
         raise CommissionError(drive.says(_too_long(found, stop_s, node)))
-    return _arranged(drive, units, stop, stop_s, found, notes)
+    return _arranged(node, units, stop, stop_s, found, notes)
 
 
 def _note(drive: Drive, what: Message) -> Message:
@@ -100,12 +114,12 @@ def _note(drive: Drive, what: Message) -> Message:
 def _quick_stop_alone(drive: Drive, node: NodeSettings, units: Units) -> Arranged:
     """Of an axis of which no more is known. Raises CommissionError where it is not as it was written."""
     if not node.quick_stop_counts_s2:
-        return _arranged(drive, units)
+        return _arranged(node, units)
     found: dict[int, int] = {}
     problems = list(_made(drive, _quick_stop(node, units), found))
     if problems or 0x6085 not in found:
         raise CommissionError(drive.says(problems[0] if problems else message("stopping.no_quick_stop")))
-    return _arranged(drive, units, found=found)
+    return _arranged(node, units, found=found)
 
 
 def _quick_stop(node: NodeSettings, units: Units) -> Offer:
@@ -128,7 +142,7 @@ def _made(drive: Drive, offer: Offer, found: dict[int, int]) -> Iterator[Message
 
 
 def _arranged(
-    drive: Drive,
+    node: NodeSettings | SpindleSettings,
     units: Units,
     stop: float = 0.0,
     stop_s: float = 0.0,
@@ -137,15 +151,13 @@ def _arranged(
 ) -> Arranged:
     objects = tuple((f"{index:04X}h:00", value) for index, value in sorted((found or {}).items()))
     sizes = units.velocity_counts_s, units.acceleration_counts_s2
-    return Arranged(
-        drive.settings.name, drive.settings.node, *sizes, stop, stop_s, objects, tuple(notes or ())
-    )
+    return Arranged(node.name, node.node, *sizes, stop, stop_s, objects, tuple(notes or ()))
 
 
-def of_spindle(drive: Drive, node: SpindleSettings, units: Units) -> Arranged:
+def of_spindle(node: SpindleSettings, units: Units) -> Arranged:
     """Its units; a spindle's ramps are its own. Raises UnitError."""
     units.see_fits(abs(node.counts_per_rev) * node.most_rev_min / 60.0, where(0x60FF))
-    return _arranged(drive, units)
+    return _arranged(node, units)
 
 
 def offers(node: NodeSettings, units: Units) -> Iterator[Offer]:

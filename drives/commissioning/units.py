@@ -22,12 +22,13 @@ they are; the sign of the machine file's counts belongs to it. It is read, never
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import NamedTuple
 
 from drives.settings import INT32_MAX, NodeSettings, SpindleSettings
-from drives.texts import Key, Message, TextError, message
+from drives.texts import Key, Message, TextError, message, several
 
 # An object's value; None: the drive has no such object.
 Read = Callable[[int, int], int | None]
@@ -137,6 +138,7 @@ class _Reading:
         self._settings = settings
         self._ask = read
         self._found: dict[tuple[int, int], int | None] = {}
+        self._refused: list[Message] = []
 
     def _read(self, index: int, sub: int) -> int | None:
         """Asked for once."""
@@ -145,20 +147,34 @@ class _Reading:
         return self._found[index, sub]
 
     def units(self) -> Units:
-        inverted = self._inverted()
-        if self._position is not None:
-            self._see_position(self._position)
-        velocity = self._declared_velocity()
-        sizes = self._sizes(velocity)
-        return Units(*sizes, velocity is not None, inverted, self._rev_min())
+        """Raises UnitError with all that is wrong."""
+        inverted, sizes = False, (1.0, 1.0, False)
+        with self._collected():
+            inverted = self._inverted()
+        with self._collected():
+            self._see_position()
+        with self._collected():
+            sizes = self._sizes()
+        if self._refused:
+            first = [message("sentence", text=one) for one in self._refused[:-1]]
+            raise UnitError(several(*first, self._refused[-1]))
+        return Units(*sizes, inverted, self._rev_min())
 
-    def _sizes(self, told: float | None) -> tuple[float, float]:
-        """Of velocity and acceleration; ``told``: the former by 60A9h."""
-        own = self._own()
+    @contextmanager
+    def _collected(self) -> Iterator[None]:
+        """What is refused is one of several things."""
+        try:
+            yield
+        except UnitError as error:
+            self._refused.append(error.said)
+
+    def _sizes(self) -> tuple[float, float, bool]:
+        """Of velocity and acceleration, and whether 60A9h says the former."""
+        told, own = self._declared_velocity(), self._own()
         if told is not None and own is not None and abs(told - own[0]) > SAME * own[0]:
             raise UnitError(message("unit.not_the_files", word=self._word(0x60A9), told=told, own=own[0]))
         if own is not None:
-            return own
+            return *own, told is not None
         velocity, acceleration = self._of_family() or self._of_factors()
         if told is not None:
             velocity = acceleration = told
@@ -166,7 +182,7 @@ class _Reading:
             acceleration = self._acceleration(word)
         if told is not None or word:
             self._see_factor(ACCELERATION_FACTOR, acceleration, 0x60AA)
-        return velocity, acceleration
+        return velocity, acceleration, told is not None
 
     def _rev_min(self) -> float:
         """Counts per second of a motor that turns once a minute; 0 where nobody says it.
@@ -282,26 +298,26 @@ class _Reading:
         raise self._unknown(index, word)
 
     def _unknown(self, index: int, word: int) -> UnitError:
-        return UnitError(message("unit.unknown", index=index, word=word))
+        choice = Key("unit.known_rate" if index == 0x60AA else "unit.known_speed")
+        return UnitError(message("unit.unknown", index=index, word=word, choice=choice))
 
     def _per_si(self, rotary: bool) -> float:
         """Counts per metre or radian of the axis; 0 = it is of the other kind, or nobody said."""
         node = self._settings
         return node.counts_per_si if isinstance(node, NodeSettings) and node.rotary is rotary else 0.0
 
-    def _see_position(self, unit: Si) -> None:
+    def _see_position(self) -> None:
         """A position in SI units leaves the machine file no choice."""
+        unit = self._position
+        if unit is None:
+            return
         if self._own() is None:
             self._see_turn(unit)
-        size = ANGLES.get(unit.numerator, 1.0) * unit.prefix
-        known = self._per_si(unit.numerator in ANGLES) if unit.numerator in (METRE, *ANGLES) else 0.0
-        if known and abs(known * size - 1.0) > SAME:
-            name = Key("unit.radian" if unit.numerator in ANGLES else "unit.metre")
-            raise UnitError(
-                message(
-                    "unit.other_position", word=self._word(0x60A8), counts=1.0 / size, name=name, known=known
-                )
-            )
+        rotary = unit.numerator in ANGLES
+        known = self._per_si(rotary) * (math.radians(1.0) if rotary else 1e-3)
+        if (by := counts_of(unit)) is not None and known and abs(known / by[1] - 1.0) > SAME:
+            facts = {"word": self._word(0x60A8), "name": by[0], "counts": by[1], "known": known}
+            raise UnitError(message("unit.other_position", **facts))
 
     @property
     def _turns(self) -> float:
@@ -353,10 +369,13 @@ class _Reading:
         return self._resolution / position.prefix if position.numerator == INCREMENT else 0.0
 
     def _no_turn(self, index: int, word: int, way: Key) -> UnitError:
-        resolution, feed = (self._ratio(which) or Key("unit.not_there") for which in (RESOLUTION, FEED))
-        return UnitError(
-            message("unit.no_turn", index=index, word=word, way=way, resolution=resolution, feed=feed)
-        )
+        facts = {
+            "way": way,
+            "position": self._word(0x60A8),
+            "feed": self._ratio(FEED) or Key("unit.not_there"),
+        }
+        facts |= {"resolution": self._read(RESOLUTION, 1) or Key("unit.not_there")}
+        return UnitError(message("unit.no_turn", index=index, word=word, **facts))
 
     def _of_encoder(self) -> float:
         """The family's objects, the first that has a value; of a spindle without any, the machine file."""

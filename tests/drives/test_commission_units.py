@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drives.commissioning.possible import unit_problems
+from drives.commissioning.possible import default_problems
 from drives.commissioning.sheet import load
 from drives.commissioning.units import UnitError, Units, si, units_of
 from drives.commissioning.wanted import where
@@ -147,16 +147,16 @@ def test_a_spindle_without_an_encoder_resolution_has_the_machine_files_revolutio
 @pytest.mark.parametrize(
     ("objects", "axis", "sentence"),
     [
-        ({0x60A9: RPM}, LINEAR, r"60A9h is 00B44700h, in revolutions.*6092h is not there.*write 6092h"),
+        ({0x60A9: RPM}, LINEAR, r"60A9h is 00B44700h, in revolutions.*6092h not set.*into 6092h"),
         ({0x60A9: RPM, 0x608F: (1, 1), 0x6092: (1, 1)}, LINEAR, "60A9h .* how many counts"),
-        ({0x60A9: RPM, 0x608F: (4096, 1), 0x6092: (1, 1)}, LINEAR, r"608Fh is 4096.*6092h is 1\.0"),
+        ({0x60A9: RPM, 0x608F: (4096, 1), 0x6092: (1, 1)}, LINEAR, r"608Fh:01 4096.*6092h 1\.0"),
         ({0x60A9: 0x00FF0300}, LINEAR, "60A9h is 00FF0300h, a unit that is not understood"),
         ({0x60A9: 0x00B4FF00, 0x608F: (4096, 1)}, LINEAR, "60A9h is 00B4FF00h"),
         ({0x60A9: DEG_S}, LINEAR, "60A9h is 00410300h"),
         ({0x60A9: MM_S}, ROTARY, "60A9h is FD010300h"),
         ({0x60A9: RPM, 0x608F: (4096, 1), 0x60AA: 0x00B50300}, LINEAR, "60AAh is 00B50300h"),
-        ({0x60A8: 0xFA010000}, LINEAR, r"60A8h is FA010000h, which is 1e\+06 counts per metre.* 2e\+08"),
-        ({0x60A8: 0xFD410000}, ROTARY, "60A8h .* counts per radian"),
+        ({0x60A8: 0xFA010000}, LINEAR, r"60A8h is FA010000h, which is counts_per_mm = 1000; .* 200000"),
+        ({0x60A8: 0xFD410000}, ROTARY, r"60A8h .* counts_per_deg = 1000; .* 200000"),
         ({0x60A9: RPM, 0x608F: (4096, 0)}, LINEAR, r"608Fh is 4096 / 0; write a ratio"),
         ({0x6093: (4096, 1)}, LINEAR, "6093h is 4096, a factor of the old CiA 402"),
         ({0x6094: (1, 60)}, LINEAR, "6094h is 0.0166667"),
@@ -164,7 +164,8 @@ def test_a_spindle_without_an_encoder_resolution_has_the_machine_files_revolutio
         ({0x60A9: RPM, 0x608F: (4096, 1), 0x6097: (3, 2)}, LINEAR, "6097h is 1.5, .* 60AAh makes it"),
         ({0x60A9: RPM, 0x608F: (4096, 1)}, replace(LINEAR, velocity_unit_counts_s=70.0), "60A9h.* says vel"),
         ({0x60AA: 0x00B55700, 0x6092: (1000, 1)}, LINEAR, "60AAh is 00B55700h, in increments, and nothing"),
-        ({0x60AA: 0x00FF5700}, LINEAR, "60AAh is 00FF5700h, a unit that is not understood"),
+        ({0x60AA: 0x00FF5700}, LINEAR, "60AAh is 00FF5700h, a unit that is not understood.*00B55700h"),
+        ({0x60A8: 0xFD410000, 0x60A9: RPM}, ROTARY, "60A8h .* correct one of the two .* 60A9h is 00B44700h"),
         (
             {0x60A8: 0x00B50000, 0x608F: (4000, 1), 0x6092: (500, 1)},
             LINEAR,
@@ -243,7 +244,7 @@ def test_a_unit_too_coarse_for_the_speed_of_homing_is_refused_on_paper() -> None
         homing_fast_counts_s=20_000.0,
     )
     sheet = load(node.eds, node.node)
-    assert not [*unit_problems(replace(node, homing_slow_counts_s=6000.0), sheet)]
-    (problem,) = unit_problems(replace(node, homing_slow_counts_s=2000.0), sheet)
+    assert not [*default_problems(replace(node, homing_slow_counts_s=6000.0), sheet)]
+    (problem,) = default_problems(replace(node, homing_slow_counts_s=2000.0), sheet)
     said = problem["values"]["problem"]
     assert said["key"] == "unit.too_coarse" and said["values"]["where"] == where(0x6099, 2)

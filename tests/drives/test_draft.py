@@ -149,6 +149,7 @@ WORDS: dict[int, tuple[int, ...]] = {
     0x60A9: (0, 0x00B44700, 0x00B50300, 0xFD010300, 0x00410300, 0x00775500, 0x00B45500),
     0x60AA: (0, 0x00B50300, 0x00C00300, 0x00B44700),
     0x607E: (0, 0x80, 0xC0),
+    0x6080: (0, 0xBB8, 0x1E8480),
 }
 MACHINES: tuple[dict[str, Any], ...] = (
     {},
@@ -157,6 +158,14 @@ MACHINES: tuple[dict[str, Any], ...] = (
     {"counts_per_si": 57_295.779513, "rotary": True},
     {"velocity_unit_counts_s": 1.0},
     {"velocity_unit_counts_s": 68.2666667},
+)
+
+
+# What commissioning asks of how a drive stops, and how fast its motor may turn, is asked on paper, too.
+MOVING: tuple[dict[str, Any], ...] = tuple(
+    {"velocity_counts_s": speed, "acceleration_counts_s2": 10.0 * speed, **more}
+    for speed in (2e3, 2e5, 4e7)
+    for more in ({}, {"velocity_unit_counts_s": 68.2666667}, {"feed_forward": True})
 )
 
 
@@ -175,7 +184,7 @@ def test_three_verdicts_never_differ(eds: str, seed: int) -> None:
     node = replace(node_of(found, text), homing_fast_counts_s=0, feed_forward=False)
     verdict = possible.of_profile(found.profile, sheet.of(node), MASTER, BUS.bit_rate)
     refused = []
-    for said in MACHINES:
+    for said in (*MACHINES, *MOVING):
         one = replace(node, **said)
         refused.append(bool(commission.on_paper(one, MASTER, BUS.bit_rate)[0]))
         try:
@@ -183,6 +192,7 @@ def test_three_verdicts_never_differ(eds: str, seed: int) -> None:
             assert not refused[-1], said
         except commission.CommissionError as error:
             assert refused[-1], (said, str(error))
+    del refused[len(MACHINES) :]  # of no sheet alone
     assert all(refused) or not verdict.problems, [*map(english, verdict.problems)]
     if not verdict.problems:
         wordless = [
@@ -197,7 +207,7 @@ def test_a_makers_sheet_gives_a_profile_that_runs_or_says_why_not(eds: str) -> N
     text = Path(eds).read_text(encoding="latin-1")
     found = draft.draft("mine", sheet.load(eds, 1), MASTER)
     node = node_of(found, text)
-    if [*possible.unit_problems(node, sheet.read(text, "mine.eds"))]:
+    if [*possible.default_problems(node, sheet.read(text, "mine.eds"))]:
         node = replace(node, velocity_unit_counts_s=1.0)  # as the sentence has it
     if not found.problems:
         commissioned(node)

@@ -40,7 +40,11 @@ def drive(settings: NodeSettings, parameters: Parameters) -> SimulatedDrive:
     made = SimulatedDrive(settings.node, nature, settings.eds or EDS)
     made.dictionary.believe(settings.overrides)
     families.restrict(made, settings.profile)
-    made.axis.units.told_counts_s = settings.velocity_unit_counts_s
+    if velocity := settings.velocity_unit_counts_s:
+        units = made.axis.units
+        units.told_counts_s = velocity
+        units.told_counts_s2 = settings.acceleration_unit_counts_s2 or velocity
+        made.configure()
     _pace_homing(made, settings)
     usual = Parameters()
     if nature.switches == usual.switches and nature.home_switch == usual.home_switch:

@@ -6,6 +6,7 @@
     periods         60C2h takes the family's units and steps only
     option codes    no 605Ah, no 6007h: such a drive makes a quick stop of its own
     homing          6098h takes the family's methods only; another object than 607Ch
+    units           those of speed and acceleration that no object of such a drive says
     identity        vendor and product, where the data sheet does not say them
 
 A family's real data sheet says more (objects, types, ranges); it may be given as well.
@@ -41,7 +42,10 @@ def restrict(drive: SimulatedDrive, profile: Profile, bare: bool = False) -> Sim
     _restrict_modes(dictionary, profile)
     _restrict_periods(dictionary, profile)
     _restrict_homing(drive.axis, profile)
-    drive.axis.units.of_shaft = profile.revolution == "shaft"
+    units = drive.axis.units
+    units.of_shaft = profile.revolution == "shaft"
+    units.told_counts_s = profile.velocity_unit_counts_s
+    units.told_counts_s2 = profile.acceleration_unit_counts_s2 or profile.velocity_unit_counts_s
     _refuse_above(dictionary, key(0x6065), profile.most_following_error)
     for n in range(TPDOS):
         _check_first(dictionary, key(0x1800 + n, 2), _counts_to(profile.most_feedback_every))

@@ -5,9 +5,9 @@ CiA 402-2, "factor group", and the SI units 60A8h, 60A9h, 60AAh (CiA 303-2):
     position      increments x feed constant (6092h) / (encoder resolution (608Fh) x gear ratio (6091h)),
                   increments where no feed constant is set; with 60A8h in revolutions those of the motor
     velocity      60A9h (lengths and angles by 60A8h, else by what was made known of the axis);
-                  without it position units per second x velocity factor (6096h)
-    acceleration  60AAh; without it velocity units per second where 60A9h is told, else position units
-                  per s^2 x acceleration factor (6097h)
+                  without it the family's own unit, else position units per second x velocity factor (6096h)
+    acceleration  60AAh; without it velocity units per second where 60A9h is told, else the family's own
+                  unit, or position units per s^2 x acceleration factor (6097h)
     polarity      607Eh: bit 7 inverts positions, bit 6 velocities
 
     motor speed   6080h: as velocity where 60A9h is told in revolutions, else 1/min of the motor
@@ -50,7 +50,8 @@ class Units:
         self._dictionary = dictionary
         self._per_metre, self._per_radian = per_metre, per_radian
         self.of_shaft = False  # 60A9h and 60AAh speak of revolutions behind the gear
-        self.told_counts_s = 0.0  # one unit of velocity, where nothing here says how many a revolution has
+        # One unit of velocity, and of acceleration, in position units, where no object says it
+        self.told_counts_s = self.told_counts_s2 = 0.0
         self.position = self.velocity = self.acceleration = 1.0
         self.scale = 1.0  # increments per position unit
         self.plain = True
@@ -60,16 +61,20 @@ class Units:
         get = self._dictionary.get
         polarity, si = get(POLARITY), get(VELOCITY_SI)
         size = self._position_size()
-        velocity = 1.0 / self._size(si) if si else self._ratio(VELOCITY_FACTOR) / size
+        velocity = 1.0 / self._size(si) if si else self._per_unit(self.told_counts_s, VELOCITY_FACTOR) / size
         told = get(ACCELERATION_SI)
         if told:
             self.acceleration = 1.0 / self._size(told)
         else:
-            self.acceleration = velocity if si else self._ratio(ACCELERATION_FACTOR) / size
+            other = self._per_unit(self.told_counts_s2, ACCELERATION_FACTOR) / size
+            self.acceleration = velocity if si else other
         self.position = (-1.0 if polarity & POSITION_BIT else 1.0) / size
         self.velocity = (-1.0 if polarity & VELOCITY_BIT else 1.0) * velocity
         self.scale = abs(1.0 / self.position)
         self.plain = self.position == self.velocity == self.acceleration == 1.0
+
+    def _per_unit(self, told: float, factor: int) -> float:
+        return 1.0 / told if told else self._ratio(factor)
 
     def _ratio(self, index: int) -> float:
         above, below = self._dictionary.get(index, 1), self._dictionary.get(index, 2)

@@ -84,6 +84,9 @@ ENDS = (
 )
 
 
+IN_FORCE = ("G90", "g91 ", "G17 ", "g18", "G21 g90", "g20", "G90G90", "g17 G90 ", "g19", "G90 G91 ")
+
+
 def common(rng: random.Random) -> str:
     """A line of G0 to G3 as posts write it, sometimes in another order."""
     code = rng.choice(("", "", "G0", "g1", "G01", "G2", "g03", "G4", "G 1"))
@@ -93,9 +96,10 @@ def common(rng: random.Random) -> str:
     ends += ["F"] if rng.random() < 0.3 else []
     if rng.random() < 0.8:
         ends.sort(key="XYZABCIJKRF".index)
+    beside = rng.choice(IN_FORCE) if rng.random() < 0.2 else ""  # and often not in force
     gap, number = rng.choice(("", " ", "  ")), rng.choice((5, 5, 6, 6, 13))
     words = gap.join(rng.choice((letter, letter.lower())) + rng.choice(NUMBERS[:number]) for letter in ends)
-    return f"{rng.choice(('', '', 'N10 ', 'n5', '/', ' '))}{code}{gap}{words}{rng.choice(ENDS)}"
+    return f"{rng.choice(('', '', 'N10 ', 'n5', '/', ' '))}{beside}{code}{gap}{words}{rng.choice(ENDS)}"
 
 
 def soup(rng: random.Random) -> bytes:
@@ -122,6 +126,8 @@ def sound(rng: random.Random) -> bytes:
                     f"G2 X{x} Y{y} R{rng.choice((20, -20.5))} (arc)",
                     f"G3 I{x} J{y} F250",
                     f"Z{r} ; on",
+                    f"{rng.choice(IN_FORCE)}G1 X{x} Y{y}",
+                    f"g90 {rng.choice(('g17', 'g18'))}g2 X{x} Z{y} R20.",
                     rng.choice(FUNCTIONS[:9]),
                     rng.choice(("g20", "g21", "g91", "g90", "g93 g1 x1 f2", "g94 f100", "m8", "m9", "")),
                 )
@@ -195,6 +201,16 @@ def taken(text: bytes, monkeypatch: pytest.MonkeyPatch) -> list[bool]:
 def test_lines_of_cam_systems_go_the_short_way(monkeypatch: pytest.MonkeyPatch) -> None:
     text = b"g43.4\ng1 x0 f100\nX1. Y2. Z3. A1. C2.\nN5 G01 X1.5\nx2f300\nG1F20X1Y2\ng93\nx1 f2.5\n"
     assert taken(text, monkeypatch) == [False, *[True] * 5, False, True]
+
+
+def test_codes_in_force_keep_no_line_off_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    text = (
+        b"g1 x0 f100\nG90 G1 X1.\ng17 G21 G90 g2 x2 r5\nG91 G1 X1.\nG91 G0 X1.\nG90 G90 G0 X1.\ng18 g1 X2.\n"
+    )
+    short = [True, True, True, False, True, False, False]
+    with pytest.raises(ProgramError):
+        taken(text, monkeypatch)
+    assert taken(text.replace(b"G90 G90", b"g90"), monkeypatch) == short
 
 
 def test_rapids_arcs_functions_and_comments_do_so_too(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -91,5 +91,6 @@ def assert_cut(done: Again, text: str, spot: Spot) -> None:
     rows = program_rows(done.run.rows)  # rapids begin wherever the run did
     feeds = [number for number, segment in wanted.items() if segment.feed_mm_s is not None]
     cut = rows[np.isin(rows[:, COLUMN["motion_id"]], feeds)]
-    assert distance(cut, wanted, done.stepped.kinematics) < SAME_MM
+    far = distance(cut, wanted, done.stepped.kinematics)
+    assert far < SAME_MM, far
     assert_rest_is_cut(done.run.rows, wanted, spot)

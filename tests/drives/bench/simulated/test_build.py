@@ -10,7 +10,7 @@ from support.drives.stepped_drives import nodes
 
 from drives.bench.simulated import IoNode, Parameters, SimulatedDrive, build, rig
 from drives.bench.simulated.homing import HOME, METHODS, NEGATIVE, POSITIVE
-from drives.profile import Override
+from drives.profile import GENERIC, Override
 from drives.settings import BusSettings, IoSettings, SpindleSettings
 
 BUSES = [BusSettings("left", "virtual", "", 1_000_000), BusSettings("right", "virtual", "", 500_000)]
@@ -116,3 +116,14 @@ def test_a_drive_searches_no_faster_than_its_axis_moves() -> None:
     assert made.dictionary.get(0x6099, 1) == 10_240, "after power-on, too"
     usual = build.drive(replace(axis, velocity_counts_s=4e7), Parameters())
     assert [usual.dictionary.get(0x6099, sub) for sub in (1, 2)] == [4_000_000, 400_000]
+
+
+def test_units_that_no_object_says_are_the_family_s_and_the_machine_file_s_before_them() -> None:
+    """Of an iPOS 65536ths of a count per loop: told so, a search at another speed never met its switch."""
+    family = replace(GENERIC, velocity_unit_counts_s=1 / 65.536, acceleration_unit_counts_s2=15.25)
+    axis = replace(nodes()[0], profile=family)
+    own = replace(axis, velocity_unit_counts_s=0.5)
+    for node, sizes in ((axis, (1 / 65.536, 15.25)), (own, (0.5, 0.5))):
+        units = build.drive(node, Parameters()).axis.units
+        assert (1.0 / units.velocity, 1.0 / units.acceleration) == pytest.approx(sizes)
+        assert not units.plain and units.position == 1.0
