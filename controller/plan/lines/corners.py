@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from controller.geometry.arrays import Array
 from controller.geometry.curves import Arc
-from controller.geometry.vectors import Vector, norm
+from controller.geometry.vectors import Frame, Vector, norm
 from controller.machine.model import Joints
 from controller.motion.motions import JointMove
 from controller.plan.context import Context
@@ -66,18 +66,13 @@ class CornerMaker:
         table = np.array(part.origin) + np.array(tips) @ frame
         table[0] = stand.tip
         if self._modal.tip is Tip.VECTORS:
-            return self._vector_corners(blocks, table, frame, stand)
+            return self._vector_corners(blocks, table, part, stand)
         return self._rotary_corners(blocks, table, stand)
 
     def _vector_corners(
-        self, blocks: list[TipLine], tips: Array, frame: Array, stand: Stand
+        self, blocks: list[TipLine], tips: Array, part: Frame, stand: Stand
     ) -> tuple[Corners, Stand]:
-        axes: list[Vector | None] = [block.axis for block in blocks]
-        given = np.array([axis is not None for axis in axes])
-        vectors = np.array([axis or (0.0, 0.0, 1.0) for axis in axes]) @ frame
-        vectors /= np.sqrt((vectors * vectors).sum(axis=1))[:, None]
-        held = np.maximum.accumulate(np.where(given, np.arange(1, len(axes) + 1), 0))
-        vectors = np.concatenate(([stand.axis], vectors))[np.concatenate(([0], held))]
+        vectors = lines.vectors(blocks, stand.axis, part)
         try:
             found = follow(
                 GreatCircles.of(vectors),
@@ -89,15 +84,11 @@ class CornerMaker:
             lines.refuse_lost(lost, blocks[lost.line].place, self._context)
         values = np.hstack([_between(tips, found.line, found.share), found.rotaries])
         end = (float(values[-1, 3]), float(values[-1, 4]))
-        axis = (float(vectors[-1, 0]), float(vectors[-1, 1]), float(vectors[-1, 2]))
+        axis = lines.vector(vectors[-1])
         return Corners(found.line, found.share, values, found.sine), self.standing(tips[-1], end, axis)
 
     def _rotary_corners(self, blocks: list[TipLine], tips: Array, stand: Stand) -> tuple[Corners, Stand]:
-        now = stand.rotaries
-        rotaries = [now]
-        for block in blocks:
-            now = lines.rotaries_to(block, now)
-            rotaries.append(now)
+        rotaries = lines.rotaries_along(blocks, stand.rotaries)
         turned = np.array(rotaries)
         zero = np.zeros(len(turned))
         values = (zero, zero, zero, turned[:, 0], turned[:, 1])
@@ -110,7 +101,8 @@ class CornerMaker:
             np.hstack([tips, turned]),
             sine,
         )
-        ends = self.standing(tips[-1], now, lines.axis_of(now, self._context.kinematics))
+        last = rotaries[-1]
+        ends = self.standing(tips[-1], last, lines.axis_of(last, self._context.kinematics))
         return self._with_circles(found), ends
 
     def standing(self, tip: Array, rotaries: tuple[float, float], axis: Vector) -> Stand:

@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from controller.geometry.arrays import Array, Flags, columns
-from controller.geometry.vectors import ROUNDING
+from controller.geometry.vectors import ROUNDING, Frame
 from controller.motion.motions import DEG_PER_MM, Rotaries
 from controller.plan import junctions
 from controller.plan.context import Context
@@ -138,32 +138,22 @@ class ExactLines:
 
     def _ways(self, blocks: list[TipLine], stand: Stand) -> _Ways:
         part = blocks[0].modal.frame(self._context.machine)
-        here, programmed = part.from_parent(stand.tip), []
-        for block in blocks:
-            here = lines.tip_of(block, here)
-            programmed.append(here)
-        frame = np.array([part.x, part.y, part.z])
-        tips = np.concatenate(([stand.tip], np.array(part.origin) + np.array(programmed) @ frame))
+        tips = lines.tips(blocks, stand.tip, part)
         if blocks[0].modal.tip is Tip.VECTORS:
-            return self._to_vectors(blocks, stand, tips, frame)
-        turned = [stand.rotaries]
-        for block in blocks:
-            turned.append(lines.rotaries_to(block, turned[-1]))
-        rotaries = np.array(turned)
-        none = np.zeros(len(turned))
+            return self._to_vectors(blocks, stand, tips, part)
+        rotaries = np.array(lines.rotaries_along(blocks, stand.rotaries))
+        none = np.zeros(len(rotaries))
         joints = self._context.kinematics.arrange((none, none, none, rotaries[:, 0], rotaries[:, 1]))
-        axes = columns(self._context.kinematics.forward(joints, 0.0, np).axis, len(turned))
+        axes = columns(self._context.kinematics.forward(joints, 0.0, np).axis, len(rotaries))
         axes[0] = stand.axis
         even = (axes[:-1] * axes[1:]).sum(axis=1) > 1.0 - lines.SAME_AXIS
         if self._context.machine.tool_lines != lines.GREAT:
             even[:] = True
         return self._with_cubics(tips, axes, rotaries, even, np.ones(len(blocks), dtype=bool))
 
-    def _to_vectors(self, blocks: list[TipLine], stand: Stand, tips: Array, frame: Array) -> _Ways:
+    def _to_vectors(self, blocks: list[TipLine], stand: Stand, tips: Array, part: Frame) -> _Ways:
         n = len(blocks)
-        axes = np.concatenate(([stand.axis], lines.vectors(blocks, frame)))
-        given = np.array([True, *(block.axis is not None for block in blocks)])
-        axes = axes[np.maximum.accumulate(np.where(given, np.arange(n + 1), 0))]
+        axes = lines.vectors(blocks, stand.axis, part)
         rotaries, fit, known = np.tile(np.array(stand.rotaries), (n + 1, 1)), np.zeros(n, dtype=bool), n
         while known:
             try:

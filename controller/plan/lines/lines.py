@@ -9,13 +9,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 from typing import NoReturn
 
 import numpy as np
 import numpy.typing as npt
 
 from controller.geometry.arrays import Array
-from controller.geometry.vectors import ROUNDING, Vector, add, dot, norm, subtract, unit
+from controller.geometry.vectors import ROUNDING, Frame, Vector, add, dot, norm, subtract, unit
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine
 from controller.messages import Key, message
@@ -332,10 +333,34 @@ def vector(row: Array) -> Vector:
     return float(row[0]), float(row[1]), float(row[2])
 
 
-def vectors(blocks: Sequence[TipLine], frame: Array) -> Array:
-    """Their tool vectors in the table frame (n, 3), of unit length; Z of the part where none is given."""
-    found = np.array([block.axis or (0.0, 0.0, 1.0) for block in blocks]) @ frame
-    return np.asarray(found / np.sqrt((found * found).sum(axis=1))[:, None])
+def tips(blocks: Sequence[TipLine], first: Vector, part: Frame) -> Array:
+    """Tips in the table frame where lines meet, (n + 1, 3), from ``first`` on."""
+    here, found = part.from_parent(first), []
+    for block in blocks:
+        here = tip_of(block, here)
+        found.append(here)
+    return np.concatenate(([first], np.array(part.origin) + np.array(found) @ _turned(part)))
+
+
+def rotaries_along(blocks: Sequence[TipLine], first: Rotaries) -> list[Rotaries]:
+    """Those where lines under G43.4 meet, from ``first`` on."""
+    return list(accumulate(blocks, lambda now, block: rotaries_to(block, now), initial=first))
+
+
+def _turned(part: Frame) -> Array:
+    """What turns rows of vectors of the part into the table frame."""
+    return np.array([part.x, part.y, part.z])
+
+
+def vectors(blocks: Sequence[TipLine], first: Vector, part: Frame) -> Array:
+    """Tool vectors in the table frame where lines meet, (n + 1, 3), from ``first`` on.
+
+    A line without one keeps that before it.
+    """
+    found = np.array([block.axis or (0.0, 0.0, 1.0) for block in blocks]) @ _turned(part)
+    found = np.concatenate(([first], found / np.sqrt((found * found).sum(axis=1))[:, None]))
+    given = np.array([False, *(block.axis is not None for block in blocks)])
+    return np.asarray(found[np.maximum.accumulate(np.where(given, np.arange(len(given)), 0))])
 
 
 # ---- running through ---------------------------------------------------------------

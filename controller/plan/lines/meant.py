@@ -157,35 +157,19 @@ class Waiting:
 
     def _of_tips(self, blocks: list[TipLine], begin: _At) -> tuple[Array, list[_At]]:
         part = blocks[0].modal.frame(self._context.machine)
-        here, tips, ats = part.from_parent(begin.tip), [], [begin]
-        for block in blocks:
-            here = lines.tip_of(block, here)
-            tips.append(here)
-        frame = np.array([part.x, part.y, part.z])
-        table = np.concatenate(([begin.tip], np.array(part.origin) + np.array(tips) @ frame))
-        turned = [begin.rotaries]
+        table = lines.tips(blocks, begin.tip, part)
         if blocks[0].modal.tip is Tip.VECTORS:
-            axes = _vectors(blocks, begin, frame)
-            turned *= len(axes)  # none that corners ask for
+            axes = lines.vectors(blocks, begin.axis, part)
+            turned = [begin.rotaries] * len(axes)  # none that corners ask for
         else:
-            for block in blocks:
-                turned.append(lines.rotaries_to(block, turned[-1]))
+            turned = lines.rotaries_along(blocks, begin.rotaries)
             axes = self._axes(np.array(turned))
-        ats += [
-            _At(tuple(tip), tuple(axis), pair, begin.joints)
-            for tip, axis, pair in zip(table[1:].tolist(), axes[1:].tolist(), turned[1:], strict=True)
-        ]
-        return np.hstack([table, axes]), ats
+        ways = zip(table[1:].tolist(), axes[1:].tolist(), turned[1:], strict=True)
+        ats = [_At(tuple(tip), tuple(axis), pair, begin.joints) for tip, axis, pair in ways]
+        return np.hstack([table, axes]), [begin, *ats]
 
     def _axes(self, turned: Array) -> Array:
         """Tool axes (N, 3) of rotaries (N, 2)."""
         none = np.zeros(len(turned))
         joints = self._context.kinematics.arrange((none, none, none, turned[:, 0], turned[:, 1]))
         return columns(self._context.kinematics.forward(joints, 0.0, np).axis, len(turned))
-
-
-def _vectors(blocks: list[TipLine], begin: _At, frame: Array) -> Array:
-    """Tool vectors in the table frame, (n + 1, 3); a line without one keeps that before it."""
-    given = np.array([False, *(block.axis is not None for block in blocks)])
-    found = np.concatenate(([begin.axis], lines.vectors(blocks, frame)))
-    return np.asarray(found[np.maximum.accumulate(np.where(given, np.arange(len(given)), 0))])

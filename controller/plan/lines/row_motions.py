@@ -12,7 +12,6 @@ import numpy as np
 
 from controller.geometry.arrays import Array
 from controller.geometry.vectors import ROUNDING
-from controller.machine.model import Joints
 from controller.motion.motions import ToolSpline
 from controller.plan.context import Context
 from controller.plan.lines.corners import Feed
@@ -67,7 +66,7 @@ class RowMotions:
         inside = knots[:-1, None] - begin + np.diff(knots)[:, None] * share
         places = np.append(inside.ravel(), motion.end)
         joints = tool_paths.joints_along_spline(motion, places, self._context.kinematics)
-        start, end = _joints(joints[0]), _joints(joints[-1])
+        start, end = tuple(joints[0].tolist()), tuple(joints[-1].tolist())
         found = Segment(
             motion,
             here[0].place,
@@ -134,7 +133,3 @@ def _feed_steps(starts: list[float], feeds: list[float]) -> tuple[tuple[float, f
         if feed != steps[-1][1]:
             steps.append((s, feed))
     return tuple(steps)
-
-
-def _joints(row: Array) -> Joints:
-    return tuple(map(float, row))

@@ -249,7 +249,7 @@ class LineRow:
         first, last = (float(a[3]), float(a[4])), (float(b[3]), float(b[4]))
         kinematics = self._context.kinematics
         if not isinstance(block, TipLine):
-            start, end = (joints_of(_three(v), (float(v[3]), float(v[4])), kinematics) for v in (a, b))
+            start, end = (joints_of(lines.vector(v), (float(v[3]), float(v[4])), kinematics) for v in (a, b))
             feeds = (block.feed_mm_s, kinematics, turning_feed(block))
             segment = straight("line", block.place, start, end, *feeds)
             if segment is not None:
@@ -316,7 +316,3 @@ def audit_line(segment: Segment, context: Context) -> None:
     excess = audit.outside(context.machine, s, np.array(rows))
     if excess is not None:
         context.refuse(segment.place, audit.describe(context.machine.axes[excess.axis], excess))
-
-
-def _three(row: Array) -> Vector:
-    return float(row[0]), float(row[1]), float(row[2])

@@ -19,7 +19,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controller.geometry.arrays import Array
 from controller.geometry.curves import Arc
 from controller.geometry.vectors import Vector, cross, dot, norm, scale, subtract
 from controller.machine.kinematics import Kinematics
@@ -184,7 +183,7 @@ def _turn(way: SurfaceCut, before: CutSegment, after: CutSegment, kinematics: Ki
     found = field(way, kinematics)
     joints = joints_on(way, found.u, found.follow(before.end), kinematics)
     block = after.cut.block
-    start, end = _tuple(joints[0]), _tuple(joints[-1])
+    start, end = tuple(joints[0].tolist()), tuple(joints[-1].tolist())
     return Segment(way, block.place, block.feed_mm_s, False, start, end, True, "pivot")
 
 
@@ -222,7 +221,3 @@ def _swivel(a: Rotaries, after: CutSegment, kinematics: Kinematics) -> Segment:
     turn = straight("swivel", block.place, start, end, block.feed_mm_s, kinematics)
     assert turn is not None
     return turn
-
-
-def _tuple(row: Array) -> Joints:
-    return tuple(map(float, row))

@@ -37,7 +37,6 @@ PLACES = 257  # of a surface, where its way is measured
 ALONG = np.array([0.0, 0.5, 1.0])  # of a ruling, from its lower end
 CREASE_RAD = math.radians(0.2)  # of the normals along a ruling that two surfaces share: less is none
 STILL = 1e-6  # of the mean rate of C1: it stands still at an end, and nothing can be led on by its way
-_BINOMIALS = np.array([math.comb(ORDER - 1, i) for i in range(ORDER)], dtype=float)
 _GAUSS, _SHARES = np.polynomial.legendre.leggauss(3)
 
 

@@ -188,9 +188,7 @@ def _is_exact(block: CutBlock, machine: Machine) -> bool:
 
 
 def build(
-    blocks: Sequence[CutBlock],
-    context: Context,
-    auto: Callable[[Parts], tuple[Surface, ...]],
+    blocks: Sequence[CutBlock], context: Context, auto: Callable[[Parts], tuple[Surface, ...]]
 ) -> tuple[Cut, ...]:
     """The cuts of blocks that are placed together, in order; refuses a surface that its cutter cannot cut.
 
