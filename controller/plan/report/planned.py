@@ -37,7 +37,7 @@ from controller.plan.look_ahead import (
 )
 from controller.plan.planner import RETRY_S
 from controller.plan.segment import PathItem, Pause, Segment
-from controller.plan.track import Track, Unit
+from controller.plan.track import Track
 
 SIGHT = 2.0 * WHOLE_SHARE  # times a window of motion at the feed: none looks as far ahead
 FEWEST = 2  # windows that are rolled on at once
@@ -148,16 +148,12 @@ class _Windows(Windows):
                     break  # planned alone, and known to a start
                 units, takes_s = reach.units, takes_s + reach.takes_s
             way = tuple(one.segment for one in units if one.segment)
-            if not way or self._is_special(units, orders):
+            stands = any(segment.scale(*orders.shares) <= 0.0 for segment in way)
+            if not way or stands or any(one.begin > 0.0 or one.optional_stop for one in units):
                 break
             found.append(way)
             first += len(way)
         return found
-
-    def _is_special(self, units: list[Unit], orders: Orders) -> bool:
-        """Whether more than the path is to be heeded on the way."""
-        none = [one.segment for one in units if one.segment and one.segment.scale(*orders.shares) <= 0.0]
-        return bool(none) or any(one.begin > 0.0 or one.optional_stop for one in units)
 
     def _together(self, ways: list[Way], first: int, start_s: float, orders: Orders) -> Row | None:
         """Those before the first that takes more than one window; None: there are none."""
