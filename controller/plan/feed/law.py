@@ -8,6 +8,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -92,7 +93,8 @@ def through(s: Array, v: Array, a: Array) -> tuple[Array, Array]:
     return np.concatenate([[0.0], np.cumsum(np.repeat(h, 2))]), pieces
 
 
-def value(row: Sequence[float], t: float) -> float:
+def value(row: Any, t: Any) -> Any:
+    """s of one piece at one time of it, or of many, (6, n), at (n,)."""
     return row[0] + t * (row[1] + t * (row[2] + t * (row[3] + t * (row[4] + t * row[5]))))
 
 
@@ -118,7 +120,7 @@ def joined(knots: Sequence[float], rows: Sequence[Quintic]) -> Law:
     kept: list[Quintic] = []
     for i, row in enumerate(rows):
         last = kept[-1] if kept else None
-        if last and not any(row[2:]) and not any(last[2:]) and row[1] == last[1]:
+        if last and row[1] == last[1] and not any(row[2:]) and not any(last[2:]):
             kept_knots[-1] = knots[i + 1]
             continue
         kept.append(row)
@@ -166,21 +168,29 @@ def split(times: Array, pieces: Array, starts: Array, zeros: Array) -> list[Law]
     ``starts`` are the places where segments begin, and the end of the last, ``zeros`` those at which
     they have s = 0. Laws are given from the segment on in which the first piece begins.
     """
-    laws = []
-    knots = [0.0]
-    rows: list[Quintic] = []
-    k = int(np.clip(np.searchsorted(starts, pieces[0][0], side="right") - 1, 0, len(starts) - 2))
-    base, begin, zero = 0.0, starts.tolist(), zeros.tolist()
-    for row, (t0, t1) in zip(pieces.tolist(), itertools.pairwise(times.tolist()), strict=True):
-        while k < len(begin) - 2 and value(row, t1 - t0) > begin[k + 1]:
-            cut = time_of(row, begin[k + 1], t1 - t0)
-            if cut > 0.0:
-                rows.append(shifted(row, 0.0, zero[k]))
-                knots.append(t0 + cut - base)
-            laws.append(joined(knots, rows))
-            row, t0 = shifted(row, cut, 0.0), t0 + cut
-            k, base, knots, rows = k + 1, t0, [0.0], []
-        rows.append(shifted(row, 0.0, zero[k]))
-        knots.append(t1 - base)
+    laws, knots, rows, base, i = list[Law](), [0.0], list[Quintic](), 0.0, 0
+    last, begin, zero = len(starts) - 2, starts.tolist(), zeros.tolist()
+    k = int(np.clip(np.searchsorted(starts, pieces[0][0], side="right") - 1, 0, last))
+    ends = value(pieces.T, np.diff(times))
+    while i < len(pieces):
+        # As they are as far as they lie in the segment, then the one that goes on into the next.
+        upto = len(pieces) if k == last else i + int(np.searchsorted(ends[i:], begin[k + 1], side="right"))
+        whole = pieces[i:upto] * (1.0, 1.0, 1.0, 1.0, 0.0, 0.0)
+        whole[:, 0] -= zero[k]
+        rows += map(tuple, whole.tolist())
+        knots += (times[i + 1 : upto + 1] - base).tolist()
+        i = upto + 1
+        if upto < len(pieces):
+            row, (t0, t1) = pieces[upto].tolist(), times[upto : upto + 2].tolist()
+            while k < last and value(row, t1 - t0) > begin[k + 1]:
+                cut = time_of(row, begin[k + 1], t1 - t0)
+                if cut > 0.0:
+                    rows.append(shifted(row, 0.0, zero[k]))
+                    knots.append(t0 + cut - base)
+                laws.append(joined(knots, rows))
+                row, t0 = shifted(row, cut, 0.0), t0 + cut
+                k, base, knots, rows = k + 1, t0, [0.0], []
+            rows.append(shifted(row, 0.0, zero[k]))
+            knots.append(t1 - base)
     laws.append(joined(knots, rows))
     return laws

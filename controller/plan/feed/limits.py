@@ -1,10 +1,4 @@
-"""What the limits of the joints allow on a path whose derivatives are known (``route.rates``).
-
-**Mesh.** The law is sought on nodes x = 0, 1 .. n of a mesh s(x) and as the
-function w(x) = (dx/dt)^2. At a rest the mesh follows s ~ x^3, which is what a
-jerk-limited start does in time; so w is smooth and far from zero even where the
-speed is zero, and plain differences of w are accurate everywhere.
-"""
+"""What the limits of the joints allow on a path whose derivatives are known (``surfaces.rates``)."""
 
 from __future__ import annotations
 

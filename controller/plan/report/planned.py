@@ -37,12 +37,12 @@ from controller.plan.look_ahead import (
 )
 from controller.plan.planner import RETRY_S
 from controller.plan.segment import PathItem, Pause, Segment
-from controller.plan.track import Track, Unit
+from controller.plan.track import Track
 
 SIGHT = 2.0 * WHOLE_SHARE  # times a window of motion at the feed: none looks as far ahead
 FEWEST = 2  # windows that are rolled on at once
 FIRST_ROW, MAX_ROW = 8, 256  # ways from rest to rest planned at once: at first, and twice as many each time
-MAX_ROW_S = 12.0  # of motion in those of them that have to be searched for
+MAX_WAY_S, MAX_ROW_S = 2.0, 12.0  # of motion in one of them, and in all, that has to be searched for
 FULL, START = Orders(), TrackPlace(0, 0.0)
 
 
@@ -136,7 +136,7 @@ class _Windows(Windows):
         return super().from_rest(track, place, start_s, orders, soon) if row is None else row
 
     def _ways(self, track: Units, first: int, orders: Orders, soon: bool) -> list[Way]:
-        """Those that follow each other from a unit on, as far as a window has all of each."""
+        """Those that follow each other from a unit on, as far as each is a short one."""
         found: list[Way] = []
         takes_s = 0.0
         while len(found) < self._many and takes_s < MAX_ROW_S and (unit := track.at(first)) is not None:
@@ -144,18 +144,16 @@ class _Windows(Windows):
             if not (unit.rests and unit.segment and profile.is_straight(unit.segment, self._machine)):
                 seconds = FIRST_S if soon and not found else WINDOW_S
                 reach = self._reach(track, TrackPlace(first, 0.0), orders, seconds, 0)
+                if reach.takes_s > MAX_WAY_S:
+                    break  # planned alone, and known to a start
                 units, takes_s = reach.units, takes_s + reach.takes_s
             way = tuple(one.segment for one in units if one.segment)
-            if takes_s == math.inf or not way or self._is_special(units, orders):
+            stands = any(segment.scale(*orders.shares) <= 0.0 for segment in way)
+            if not way or stands or any(one.begin > 0.0 or one.optional_stop for one in units):
                 break
             found.append(way)
             first += len(way)
         return found
-
-    def _is_special(self, units: list[Unit], orders: Orders) -> bool:
-        """Whether more than the path is to be heeded on the way."""
-        none = [one.segment for one in units if one.segment and one.segment.scale(*orders.shares) <= 0.0]
-        return bool(none) or any(one.begin > 0.0 or one.optional_stop for one in units)
 
     def _together(self, ways: list[Way], first: int, start_s: float, orders: Orders) -> Row | None:
         """Those before the first that takes more than one window; None: there are none."""
@@ -182,7 +180,9 @@ class _Windows(Windows):
             FeedCourse(way, *at, *scales) for way, is_even in zip(ways, even, strict=True) if not is_even
         ]
         closed = iter(profile.straights(FeedCourse.of_ways(straight, *at, scales)) if straight else ())
-        sought = zip(courses, known.laws(courses), strict=True)
+        alone = len(courses) == 1
+        found = [known.law(courses[0], profile.REST, None, None)] if alone else profile.plan_each(courses)
+        sought = zip(courses, found, strict=True)
         others = iter([one for _, one in law.laws(course)] if law else [] for course, law in sought)
         return [[next(closed)] if is_even else next(others) for is_even in even]
 

@@ -7,9 +7,7 @@ from support.machines.planned_laws import chains, sampled
 from support.machines.stepped_runs import largest, shipped
 from support.parts import plane_chords
 
-from controller import memory
 from controller.machine.kinematics import kinematics_of
-from controller.plan import known
 from controller.plan.feed import profile
 from controller.plan.feed.course import FeedCourse
 
@@ -66,12 +64,3 @@ def test_where_one_search_finds_nothing_each_way_is_planned_alone(monkeypatch: p
     for found, other in zip(profile.plan_each(courses), alone, strict=True):
         assert found is not None and other is not None
         assert (found.times == other.times).all() and (found.pieces == other.pieces).all()
-
-
-def test_what_was_sought_as_one_is_known_of_each_way() -> None:
-    memory.forget()
-    courses = ways()
-    found = known.laws(courses)
-    for course, law in zip(courses, found, strict=True):
-        assert known.law(course, profile.REST, None, None) is law
-    assert all(a is b for a, b in zip(known.laws(courses), found, strict=True))
