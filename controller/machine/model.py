@@ -439,7 +439,7 @@ class Machine:
     )
     named_values: tuple[tuple[str, float], ...] = key(
         NAMED,
-        "of named parameters that no program sets, as `_ini[SECTION]NAME` and `_hal[PIN]` of LinuxCNC's",
+        "of what programs for LinuxCNC read as `#<_ini[SECTION]NAME>` and `#<_hal[PIN]>`",
         default=(),
     )
     turned_rad: tuple[Pair, ...] = ()  # of the work offsets, in their order; one that is missing stands still

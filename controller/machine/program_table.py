@@ -14,7 +14,7 @@ _G_CODE = re.compile(r"G[1-9][0-9]{2}(\.[0-9])?")
 OWN_CODES = f"{M_CODES}, G100 to G999.9"
 CODE = re.compile(r"[GM][0-9]{1,3}(\.[0-9])?")  # one that another stands for
 _SUB = re.compile(r"[a-z_0-9][a-z_0-9-]*")
-_VALUE = re.compile(r"_[^<>\[\]#;]+(\[[^<>\[\]#;]+\][^<>\[\]#;]*)?")
+_VALUE = re.compile(r"_(ini|hal)\[[^<>\[\]#;]+\][^<>\[\]#;]*", re.IGNORECASE)
 _FOLDERS, _TABLE = message("file.may.folders"), message("file.may.table")
 
 

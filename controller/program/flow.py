@@ -279,18 +279,22 @@ class Run:
 
     # ---- statements of macros
 
-    def _jump(self, mark: Mark) -> None:
-        """GOTO, where its condition holds."""
-        values, frame = self._values(mark), self._frames[-1]
+    def _jump(self, mark: Mark) -> Line | None:
+        """GOTO, where its condition holds, behind the settings that stand before it."""
+        frame, made = self._frames[-1], None
+        if "#" in (before := frame.source.text[mark.at : mark.at + mark.column - 1]):
+            made = self._scan(before, frame.source.name, mark.number, frame.callers)
+        values = self._values(mark)
         values.peek()
         if mark.keyword == macros.IF_GOTO:
             holds = values.bracket() != 0.0
             if not (holds and any(map(values.skip, macros.GOTO_WORDS))):
-                return
+                return None
         number = values.value(mark.rest, Key("value.label"))[0]
         self._at_end(mark, values)
         self._count(mark)
         frame.at, frame.number = self._target(mark, frame.source, number)
+        return made
 
     def _target(self, mark: Mark, source: Source, number: float) -> tuple[int, int]:
         """Offset and number of the line N ``number`` in the program or sub of a mark. Raises ProgramError."""

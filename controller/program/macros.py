@@ -2,6 +2,7 @@
 
     WHILE [condition] DO1 ... END1      DO1 ... END1, which only a jump leaves
     GOTO 100                            to the line N100: the next one, else the first from the top
+    #1=2 GOTO 100                       a setting before it
     IF [condition] GOTO 100             IF [condition] THEN #1=2.
 
 They are written without an O-word and stand alone on their line; the first two letters of a word will
@@ -36,7 +37,7 @@ GOTO_WORDS, THEN_WORDS = ("goto", "go"), ("then", "th")  # as written
 
 _BEGIN = r"(?<![^\r\n])[ \t]*(?P<deleted>/[1-9]?)?[ \t]*"
 _STATEMENT = re.compile(
-    _BEGIN + r"(?:N[ \t]*[0-9]+[ \t]*)?"
+    _BEGIN + r"(?:N[ \t]*[0-9]+[ \t]*)?(?:#[^\r\n(;]*?(?=GO(?:TO)?[ \t]*[0-9#\[]))?"
     r"(?P<word>(?:WH(?:ILE)?|IF)(?=[ \t]*\[)|GO(?:TO)?(?=[ \t]*[0-9#\[])|(?:DO|END?)(?=[ \t]*[0-9]))",
     re.IGNORECASE,
 )

@@ -19,6 +19,7 @@ import pytest
 from support.machines import late_runs, played_rows
 from support.machines.late_runs import Healthy, Late
 from support.machines.stepped_runs import program, shipped
+from support.machines.with_tables import with_tables
 from support.suite.seed import SEED
 
 from controller.machine.model import Machine
@@ -66,7 +67,8 @@ def drawn(rng: random.Random, machine: Machine, ticks: int) -> tuple[int, Late]:
 
 def searched(rng: random.Random, name: str, cases: int) -> None:
     machine = replace(shipped(name, period_s=rng.choice(PERIODS_S)), stock_s=0.016)
-    healthy = Healthy(machine, PROGRAMS[name])
+    limits = [axis.limits for axis in machine.axes]
+    healthy = Healthy(with_tables(rng, machine) if rng.random() < 0.5 else machine, PROGRAMS[name], limits)
     lates = sorted((drawn(rng, machine, healthy.ticks) for _ in range(cases)), key=lambda one: one[0])
     verdicts = list(late_runs.cases(healthy, lates, played_rows.judged))
     print(f"\n{name}, {machine.period_s} s, {healthy.ticks} ticks:", Counter(one.result for one in verdicts))

@@ -33,6 +33,7 @@ def ends(text: str, dialect: str = "fanuc", block_delete: bool = False) -> list[
         ),
         ("#1=0\nDO1\n#1=#1+1\nIF [#1 GT 2] GOTO 20\nX#1\nEND1\nN20 X7.", [1, 2, 7]),
         ("X1.\nGOTO 5\nX2.\nN0005 X3.", [1, 3]),
+        ("N1 #1=4 #2=[2+3] GOTO #2 (SET, GO)\nX9.\nN4 X8.\nN5 X#1\n#1=6GO#1\nX9.\nN6 X#1", [4, 6]),
         ("#1=0\nN10 X#1\n#1=#1+1\nIF [#1 LT 3] GOTO 10\nX9.", [0, 1, 2, 9]),
         ("#1=5\nGOTO #1\nX1.\nN5 GOTO [#1+1]\nX2.\nN6 X3.", [3]),
         ("N5 X1.\nGOTO 6\nN6 X2.\nGOTO 7\nN5 X3.\nN7", [1, 2]),

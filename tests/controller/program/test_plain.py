@@ -19,71 +19,15 @@ from controller.program.modal import State
 from controller.program.plain import CommonLines, Functions
 from controller.program.program import Block, ProgramError
 
-BEFORE = (
-    *(
-        "g43.4",
-        "g43.5",
-        "g49",
-        "g93",
-        "g94 f100",
-        "g95 s100 m3",
-        "g94 f50",
-        "g20",
-        "g21",
-        "g91",
-        "g90",
-        "g17",
-    ),
-    *("g18", "g19", "g90.1", "g91.1", "g41", "g41 d1", "g42.1 d0.5", "g40", "g64 p0.01", "g61", "g81 z-1 r1"),
-    *(
-        "g80",
-        "g92 x1",
-        "g92.1",
-        "g68 r30",
-        "g69",
-        "g55",
-        "g54",
-        "g10 l2 p1 a10",
-        "g10 l2 p1 a0",
-        "m70",
-        "m72",
-    ),
-    *("g2", "g0", "t1 m6", "m3 s100 g1 x1", "#1=3", "g68.2 x1 y0 z0 i10 j20 k0", "", "%", "n10", "n10 (c)"),
+BEFORE = re.split(
+    r"\|",
+    "g43.4|g43.5|g49|g93|g94 f100|g95 s100 m3|g94 f50|g20|g21|g91|g90|g17|g18|g19|g90.1|g91.1|g41|g41 d1|"
+    "g42.1 d0.5|g40|g64 p0.01|g61|g81 z-1 r1|g80|g92 x1|g92.1|g68 r30|g69|g55|g54|g10 l2 p1 a10|"
+    "g10 l2 p1 a0|m70|m72|g2|g0|t1 m6|m3 s100 g1 x1|#1=3|g68.2 x1 y0 z0 i10 j20 k0||%|n10|n10 (c)",
 )
 NUMBERS = ("1", "-2.5", "+3.", ".25", "0", "-0.0", "1e3", "1 2", "", "2000000000", "#1", "[1+1]", "-0.0001")
-FUNCTIONS = (
-    "m3",
-    "M4",
-    "m05",
-    "M7",
-    "M08",
-    "M9",
-    "S500",
-    "s500 m3",
-    "s1e3",
-    "m3 m8",
-    "n5 M8",
-    "m6",
-    "M30",
-    "s-1",
-)
-ENDS = (
-    "",
-    "",
-    "",
-    " (two words)",
-    "(n)",
-    " ; rest (",
-    " (a;b)",
-    " (msg, a)",
-    " (",
-    " m8",
-    " s300",
-    " p2",
-    " ",
-)
-
-
+FUNCTIONS = re.split(r"\|", "m3|M4|m05|M7|M08|M9|S500|s500 m3|s1e3|m3 m8|n5 M8|m6|M30|s-1")
+ENDS = re.split(r"\|", "||| (two words)|(n)| ; rest (| (a;b)| (msg, a)| (| m8| s300| p2| ")
 IN_FORCE = ("G90", "g91 ", "G17 ", "g18", "G21 g90", "g20", "G90G90", "g17 G90 ", "g19", "G90 G91 ")
 
 

@@ -83,13 +83,11 @@ def test_a_value_of_an_ini_file_or_a_pin_is_refused_as_such(text: str) -> None:
 
 
 def test_what_the_machine_file_says_of_them_counts() -> None:
-    on = replace(
-        MACHINE, named_values=(("_ini[sensor]x", 12.5), ("_hal[probe.latch-mm]", 2.0), ("_deep", 3.0))
-    )
-    move = b"G0 X#<_ini[SENSOR]X> Y[-#<_hal[probe.latch-mm]>*2] Z#<_deep>"
+    on = replace(MACHINE, named_values=(("_ini[sensor]x", 12.5), ("_hal[probe.latch-mm]", 2.0)))
+    move = b"G0 X#<_ini[SENSOR]X> Y[-#<_hal[probe.latch-mm]>*2]"
     text = b"o1 if [#<_hal[ probe.latch-mm ]> EQ 2]\n" + move + b"\no1 endif\n"
     (made,) = blocks.read(text, on, "p.ngc").blocks
-    assert isinstance(made, JointLine) and made.targets[:3] == (12.5, -4.0, 3.0)
+    assert isinstance(made, JointLine) and made.targets[:2] == (12.5, -4.0)
     with pytest.raises(ProgramError, match="INI file or HAL"):
         blocks.read(b"#<_ini[sensor]x>=1\nG0 X1\n", on, "p.ngc")
 

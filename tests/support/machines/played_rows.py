@@ -45,7 +45,7 @@ def judged(
     if not verdict.late.faults:
         late_runs.judged(healthy, child, verdict, period, braked, run)
     verdict.result = verdict.result or child.cycle.modes.fault.name
-    verdict.wrongs += wrongs(healthy, child, period)
+    verdict.wrongs += wrongs(healthy, child, period, verdict)
     for name in seen(child):
         verdict.shares[name] = 1.0
     if not verdict.late.again or run is None:
@@ -65,16 +65,16 @@ def judged(
             verdict.wrongs.append(f"does not come up again: {error}")
         return
     verdict.shares["again"] = 1.0
-    verdict.wrongs += (f"again: {one}" for one in wrongs(healthy, child, period))
+    verdict.wrongs += (f"again: {one}" for one in wrongs(healthy, child, period, verdict))
 
 
-def wrongs(healthy: Healthy, child: Watched, since: int) -> Iterator[str]:
+def wrongs(healthy: Healthy, child: Watched, since: int, verdict: Verdict) -> Iterator[str]:
     """What does not hold from the period ``since`` on."""
     child._drain()
     rows = np.concatenate(child._rows)
     rows = rows[rows[:, COLUMN["tick"]] >= since]
     yield from _jumps(healthy, child, since)
-    yield from _claims(healthy, child, rows)
+    yield from _claims(healthy, child, rows, verdict)
     yield from _places(healthy, child, rows)
 
 
@@ -120,11 +120,18 @@ def _follows(word: int) -> bool:
 # ---- what the rows claim
 
 
-def _claims(healthy: Healthy, child: Watched, rows: Array) -> Iterator[str]:
-    """A row's setpoints go out two periods later; one that was taken back says so in the next row."""
+def _claims(healthy: Healthy, child: Watched, rows: Array, verdict: Verdict) -> Iterator[str]:
+    """A row's setpoints go out two periods later; one that was taken back says so in the next row.
+
+    Where axes turn back with play, how far that has come is another along a stop: what is left of it is led
+    while the path stands, and never while it moves.
+    """
     axes, played = len(healthy.machine.axes), child.played
     switches = rows[:, COLUMN["switches"]].astype(int)
     ticks, sent = rows[:, COLUMN["tick"]].astype(int), rows[:, of_axes("setpoint", axes)].astype(np.int64)
+    joints = rows[:, of_axes("joint_command", axes)]
+    same = (joints[1:] == joints[:-1]).all(axis=1)
+    stands = np.r_[True, same] | np.r_[same, True]  # also the row that comes to rest
     for k, (tick, switch) in enumerate(zip(ticks.tolist(), switches.tolist(), strict=True)):
         one = played.get(tick + DELAY)
         next_row = switches[k + 1] if k + 1 < len(rows) else TAKEN
@@ -132,12 +139,11 @@ def _claims(healthy: Healthy, child: Watched, rows: Array) -> Iterator[str]:
             continue
         if one.phase in (Phase.SILENT, Phase.GAP):
             continue
-        off = (
-            np.abs(np.array(one.counts) - sent[k])
-            * np.abs(healthy.units)
-            * np.array([_follows(word) for word in one.words])
-        )
-        most = BESIDE_MM if switch & BRAKED else 0.0
+        follows = np.array([_follows(word) for word in one.words])
+        off = np.abs(np.array(one.counts) - sent[k]) * np.abs(healthy.units) * follows
+        brakes = switch & BRAKED or one.phase is Phase.BRAKING
+        most = BESIDE_MM * bool(switch & BRAKED) + healthy.play_mm * bool(brakes or stands[k])
+        verdict.shares["led"] = max(verdict.shares.get("led", 0.0), float(off.max()) * (not brakes))
         if off.max() > most:
             what = f"{off.max():.7f} in axis {int(off.argmax())}, {one.phase.name}, switches {switch}"
             yield f"the row of {tick} is not what was sent: {what}"
