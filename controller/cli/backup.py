@@ -36,7 +36,7 @@ def save(archive: Path, machine: str = "", state: Path | None = None, as_json: b
 
 @app.command()
 def check(archive: Path, as_json: bool = False) -> None:
-    """Read an archive whole and say what is in it; nothing is changed."""
+    """Read an archive whole and tell what is in it; nothing is changed."""
     with refusals(as_json):
         _show(as_json, {"archive": str(archive), **_facts(backup.check(archive))})
 

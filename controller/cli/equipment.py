@@ -29,7 +29,7 @@ def probe(
     url: Url = remote.URL,
     as_json: bool = False,
 ) -> None:
-    """Run a probing cycle from where the probe is, list the cycles, or what they have found."""
+    """Run a probing cycle from where the probe stands, list the cycles, or what they have found."""
     with connected(url, as_json) as machine:
         for file, key, path in ((table, "probed_csv", "found"), (touches, "touches_csv", "touches")):
             if file is not None:
