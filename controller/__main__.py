@@ -21,8 +21,8 @@ from controller.cli import help_texts, speech, usage_errors
 from controller.commands.table import ALL
 from controller.version import VERSION
 
-# File of controller/cli: the commands that it adds, as --help lists them. It has a function of that
-# name, or a Typer called ``app`` or like the command; or ``register(app)`` where there is more to say.
+# File of controller/cli: the commands that it adds, as --help lists them. It has a function or a group
+# (``speech.Verbs``) of that name, or a group ``app``; or ``register(app)`` where there is more to say.
 FILES = {
     "programs": ("check", "simulate", "demo", "paper"),
     "replay": ("replay",),
@@ -45,9 +45,7 @@ FILES = {
     "client_lists": ("status", "upload", "runs", "alarms"),
     "offsets": ("offsets",),
     "tools": ("tools",),
-    "changer": ("changer",),
-    "maintenance": ("maintenance",),
-    "probe": ("probe",),
+    "equipment": ("changer", "maintenance", "probe"),
     "machine_bundle": ("machine",),
     "drives": ("drives",),
     "dnc": ("dnc",),
@@ -115,12 +113,11 @@ def _listed(name: str) -> TyperCommand:
 def _loaded(file: str, command: str) -> dict[str, Any]:
     """A command of one file by its name, with others where the file registers them together."""
     module = importlib.import_module(f"controller.cli.{file}")
-    holder = typer.Typer()
+    holder = speech.Verbs()
     if hasattr(module, "register"):
         module.register(holder)
     else:
         _add(holder, command, module)
-    speech.teach(holder)
     found = dict(typer.main.get_group(holder).commands)
     for name, one in found.items():
         help_texts.put(one, name)
@@ -128,7 +125,8 @@ def _loaded(file: str, command: str) -> dict[str, Any]:
 
 
 def _add(holder: typer.Typer, name: str, module: ModuleType) -> None:
-    found = getattr(module, name, None)
+    """The function of that name, with a "_" after it where the name has another meaning in Python."""
+    found = getattr(module, f"{name}_", None) or getattr(module, name.replace("-", "_"), None)
     if inspect.isfunction(found):
         holder.command(name)(found)
     else:  # what else has that name may be a module of another room

@@ -15,7 +15,7 @@ from typing import Any, BinaryIO
 import numpy as np
 import numpy.typing as npt
 
-PART = ".npy"  # behind the name of an array
+PART = ".npy"  # after the name of an array
 
 
 def read(file: str | Path, wanted: Collection[str] = ()) -> dict[str, npt.NDArray[Any]]:

@@ -35,7 +35,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from controller import one_thread
-from controller.messages import message, text
+from controller.messages import TextError, message
 
 if TYPE_CHECKING:  # imported where there are workers: most of the work is done here
     from concurrent.futures import Future, ProcessPoolExecutor
@@ -51,12 +51,11 @@ WORKER_BACK_S = 30.0  # for the next worker of a cluster that has lost all of th
 _PR_SET_PDEATHSIG = 1
 
 
-class WorkersLost(Exception):
-    """Workers die as soon as they begin, or there are none: ``said`` in full."""
+class WorkersLost(TextError):
+    """Workers die as soon as they begin, or there are none."""
 
     def __init__(self, key: str, **values: object) -> None:
-        self.said = message(f"workers.{key}", **values)
-        super().__init__(text(self.said))
+        super().__init__(message(f"workers.{key}", **values))
 
 
 class Spread(Protocol):

@@ -99,10 +99,11 @@ ROOMS: dict[str, dict[str, set[str]]] = {
         "banded": set(),  # linear systems
         "junctions": set(),  # where rates jump
         "segment": set(),  # what a path is made of
+        "context": set(),  # what all parts of a trace work with
         "rotaries": {"segment"},
-        "surfaces": {"segment", "rotaries"},
-        "lines": {"segment", "rotaries", "surfaces", "banded", "junctions"},
-        "path": {"segment", "rotaries", "surfaces", "lines"},
+        "surfaces": {"segment", "context", "rotaries"},
+        "lines": {"segment", "context", "rotaries", "surfaces", "banded", "junctions"},
+        "path": {"segment", "context", "rotaries", "surfaces", "lines"},
         "restart": {"segment", "rotaries", "surfaces", "path"},
         "feed": {"segment", "rotaries", "surfaces", "banded", "junctions"},
         "stops": {"feed", "junctions"},

@@ -115,7 +115,7 @@ def documented(*statuses: int) -> dict[int | str, dict[str, Any]]:
     return {s: {"model": ErrorAnswer, "description": DESCRIPTIONS[s]} for s in sorted(statuses)}
 
 
-# How pydantic calls that a value does not fit -> the catalogue's word for it, and where its limit stands.
+# How pydantic calls that a value does not fit -> the catalogue's word for it, and where its limit is.
 FORMS = {
     "missing": ("missing", ""),
     **dict.fromkeys(("float_type", "float_parsing", "finite_number"), ("number", "")),

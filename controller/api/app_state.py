@@ -108,7 +108,7 @@ class Panel:
         while True:
             if self.checker is not None:
                 await asyncio.to_thread(self.checker.look)
-            with contextlib.suppress(Refusal):  # a service that is away is told later
+            with contextlib.suppress(Refusal):  # a service that is away gets it later
                 await self._report_losses()
             await asyncio.sleep(POLL_S)
 
@@ -144,13 +144,13 @@ class Panel:
 
 async def _run_forever(work: Callable[[], Awaitable[None]]) -> None:
     """Do a work that never ends; neither a store that cannot be used for a while ends it nor a mistake of
-    ours, which is told in the log: a panel that stands still unseen is worse.
+    ours, which is in the log: a panel that stands still unseen is worse.
     """
     while True:
         try:
             await work()
         except StoreError:
-            pass  # whoever asks for the store is told
+            pass  # whoever asks for the store is refused
         except Exception:
             _log.exception("A work of the panel's own failed; it is begun anew.")
         await asyncio.sleep(AGAIN_S)

@@ -107,7 +107,7 @@ def _plain(value: Any) -> Any:
 
 
 def _members(entries: Sequence[zipfile.ZipInfo]) -> None:
-    """Raises BackupError for what the list of members tells already, before anything is unpacked."""
+    """Raises BackupError for what the list of members shows already, before anything is unpacked."""
     if len(entries) > MAX_MEMBERS:
         raise BackupError(message("archive.members", count=len(entries), max_members=MAX_MEMBERS))
     known: set[str] = set()
@@ -225,7 +225,7 @@ def _tools(data: bytes) -> dict[str, Any]:
     rows = _object(TOOLS, data)
     try:
         if rows:
-            set_up_store.file_with(None, {}, rows)  # they can stand there
+            set_up_store.file_with(None, {}, rows)  # they can be put there
     except ValueError as error:
         raise BackupError(message("archive.tools", part=TOOLS, why=_error_message(error))) from error
     return rows

@@ -91,7 +91,7 @@ class Connections:
         return _Bounded(self, **wiring)
 
     def serve(self, app: Any, **options: Any) -> None:
-        """Until the process is told to end; ``options`` of uvicorn."""
+        """Until the process is asked to end; ``options`` of uvicorn."""
         self.server(app, **options).run()
 
     def server(self, app: Any, **options: Any) -> Server:
@@ -263,7 +263,7 @@ class _Bounded(H11Protocol):
         self._timer = self.loop.call_later(max(left_s, self._limits.header_s / 10.0), self._look)
 
     def _give_up(self) -> None:
-        """Who has begun a request is told that its rest did not come; who takes no answer is not."""
+        """Who has begun a request is answered that its rest did not come; who takes no answer is not."""
         answering = not self.half_open and self.cycle.response_started
         if self._heard and not answering and not self.flow.write_paused:
             self.transport.write(SILENT)

@@ -167,8 +167,8 @@ MIGRATIONS: tuple[str, ...] = (_FIRST, _LOG_INS, _QUEUE, _MARKED, _SUMMED, _NO_C
 MARKED = 4  # the schema from which on a log-in marker is there
 
 
-class StoreError(Exception):
-    """What is ``said`` to the user; ``code`` says which kind it is, for the answer's status.
+class StoreError(messages.TextError):
+    """A refusal of the store's; ``code`` says which kind it is, for the answer's status.
 
     missing: there is no such thing; exists: the name is taken; running: the program is in use;
     name, size (too large), cut (not all of it), empty, sha256, form: what was sent is wrong; slow: it did
@@ -177,8 +177,7 @@ class StoreError(Exception):
 
     def __init__(self, code: str, text: messages.Message | str) -> None:
         """``text``: a sentence alone where it has no key."""
-        self.said = messages.plain(text)
-        super().__init__(messages.text(self.said))
+        super().__init__(text)
         self.code = code
 
     @classmethod
@@ -197,12 +196,14 @@ class Database:
         try:
             own_files.make_folder(folder)
             own = own_folder.make(folder)
-            if not {own_folder.STORE, log_in_marker.FILE} & {*own_files.names(own)}:
+            there = own_files.names(own)
+            if not {own_folder.STORE, log_in_marker.FILE} & {*there}:
                 log_in_marker.write(own, 0)
             ahead = own_database.ahead(self.file)
             self._sql = own_database.opened(self.file)
             self._sql.row_factory = sqlite3.Row
             self.lost = own_database.put_lost_aside(self._sql, self.file, ahead)
+            self.is_gone = own_folder.PROGRAMS in there and not _version(self)  # all that was in it
             self._sql.execute("PRAGMA foreign_keys = ON")
             sealed_rows.seal(self._sql, anew=_migrate(self))
         except (OSError, sqlite3.Error) as error:

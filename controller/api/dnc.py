@@ -30,7 +30,7 @@ FORMATS = {"7E2": (True, 2), "7E1": (True, 1), "8N1": (False, 1)}  # even parity
 FLOWS = ("xon", "rts", "none")
 CHUNK = 256  # bytes handed to the kernel at once; it keeps up to 4096
 TURN_S = 0.1  # of reading, between two looks at the clock
-TRAILER_S = 0.5  # of silence behind a program: no other one follows it
+TRAILER_S = 0.5  # of silence after a program: no other one follows it
 REPEAT_S = 5.0  # of silence, then the start character is sent again: it may have been lost
 
 _TIOCGICOUNT = 0x545D

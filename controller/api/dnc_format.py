@@ -1,4 +1,4 @@
-"""A part program as it travels over a serial line: what the punched tape has left behind.
+"""A part program as it travels over a serial line: what the punched tape has left of its own.
 
     leader    NUL, DEL and text that the reader skips
     %         start; the rest of its line belongs to it
@@ -30,7 +30,7 @@ from dataclasses import dataclass, replace
 from controller.messages import Message, TextError, message
 
 NUL, DC1, DC2, DC3, DC4, DEL = b"\x00", b"\x11", b"\x12", b"\x13", b"\x14", b"\x7f"
-LEADER = 32  # NULs before and behind, enough for a reader to start up
+LEADER = 32  # NULs before and after, enough for a reader to start up
 MAX_BYTES = 32 << 20
 SKIPPED = bytes([0, 0x11, 0x12, 0x13, 0x14, 0x7F])  # anywhere: tape feed, rubbed out, device control
 SIGNS = {0: "NUL", 0x11: "DC1", 0x12: "DC2", 0x13: "DC3", 0x14: "DC4", 0x7F: "DEL"}
@@ -40,11 +40,11 @@ _EVEN = bytes(c | 0x80 if c.bit_count() % 2 else c for c in range(128))  # with 
 _ODD_ONES = bytes(c.bit_count() % 2 for c in range(256))
 _SEVEN = bytes(c & 0x7F for c in range(256))
 _LINE_END = re.compile(rb"\r\n|\n\r\r|\r|\n")
-# A % that stands in a comment is text; everywhere else it is the end.
+# A % in a comment is text; everywhere else it is the end.
 _STOP = re.compile(rb"\([^)\r\n]*(?:[)\r\n]|\Z)|;[^\r\n]*(?:[\r\n]|\Z)|%")
 _SUM = re.compile(rb"\(SHA256 ([0-9a-f]{64})\)")
 _NUMBER = re.compile(rb"\s*(?:[O:]\s*(\d{1,8}))(?![\d.])", re.IGNORECASE)
-_TAILS = (b"", b"\n", b"\r\n", b"\n\n", b"\r\n\r\n")  # behind a program's own last %
+_TAILS = (b"", b"\n", b"\r\n", b"\n\n", b"\r\n\r\n")  # after a program's own last %
 _LEFT_OUT = re.compile(rb"[\x00\x11-\x14\x7f]")
 _COMMENT = re.compile(rb"\([^)]*\)?|;.*")
 _LAST_BLOCK = re.compile(rb"M\s*0*(?:2|30|99)(?![\d.])", re.IGNORECASE)
@@ -75,7 +75,7 @@ class Reader:
         self._looked = 0  # of the body, for its end
         self._left_out: list[tuple[int, int]] = []  # (place in the body, what), within lines
         self.tape: Tape | None = None
-        self.rest = b""  # what came behind the end, as it came
+        self.rest = b""  # what came after the end, as it came
 
     @property
     def began(self) -> bool:
@@ -173,7 +173,7 @@ def _left_out_messages(body: bytes, left_out: list[tuple[int, int]]) -> Iterator
 
 
 def programs(tape: Tape) -> list[Tape]:
-    """The programs of a tape: a number behind a last block (M2, M30, M99) begins another one.
+    """The programs of a tape: a number after a last block (M2, M30, M99) begins another one.
 
     What is told goes with the first of them. Raises TapeError for two of one number.
     """

@@ -60,7 +60,7 @@ class Entrance:
         self._most, self._of_one = at_once, (max(FEWEST, of_one // 4), of_one, of_one)  # by rank
         self._tls, self._handshake_s = tls, handshake_s if tls is not None else None
         self._loop = asyncio.get_running_loop()
-        self._waiting = list[Came]()  # who is next stands last
+        self._waiting = list[Came]()  # who is next is last
         self._coming = dict[asyncio.Task[None], None]()
         listening.setblocking(False)
         self._open()
@@ -99,7 +99,7 @@ class Entrance:
         return Came(_rank(one), self._loop.time(), address[0], one)
 
     def _sort(self) -> None:
-        """Who goes first stands last; close who is too much."""
+        """Who goes first is last; close who is too much."""
         kept, counted = list[Came](), Counter[tuple[str, int]]()
         for one in sorted(self._waiting, key=_turn, reverse=True):
             counted[one.address, one.rank] += 1

@@ -1,4 +1,4 @@
-"""Events for pages and scripts: what changes is told to every listener, as JSON texts.
+"""Events for pages and scripts: what changes is sent to every listener, as JSON texts.
 
     {"event": "status", "data": {...}}    20 times a second, as GET /api/v1/status; 5 where no axis moves
     {"event": "job", "data": {...}}       another program, or another state of it; null = none
@@ -47,7 +47,7 @@ TOPICS = ("status", "job", "alarm", "alarms", "control", "programs", "service")
 
 @dataclass(slots=True)
 class Listener:
-    """One who is told."""
+    """One who listens."""
 
     topics: frozenset[str]
     owner: tuple[str, str] = ("", "")  # name and address
@@ -56,7 +56,7 @@ class Listener:
     lost: bool = False  # did not read for too long
     _status: str = ""
     _now: Any = None  # the status as data ...
-    _before: Any = None  # ... and as it was when it was told last
+    _before: Any = None  # ... and as it was when it was sent last
     _waiting: deque[str] = field(default_factory=deque)
     _there: asyncio.Event = field(default_factory=asyncio.Event)
 
@@ -95,7 +95,7 @@ class Events:
         self._watch, self._past = watch, past
         self._listeners: list[Listener] = []
         self._wanted = asyncio.Event()
-        self._told: dict[str, Any] = {}  # by topic: what was told last of what is told on change
+        self._told: dict[str, Any] = {}  # by topic: what was sent last of what is sent on change
 
     @property
     def listeners(self) -> int:

@@ -31,7 +31,6 @@ from controller.api.routes import (
     bring_up,
     calibration,
     canned_cycles,
-    changer,
     commands,
     cycle,
     diagnostics,
@@ -65,7 +64,7 @@ STORE_STATUSES = {
 }
 PARTS = (
     *((API, part) for part in (machine, cycle, commands, programs, tables, records, ticks)),
-    *((API, part) for part in (diagnostics, session, users, notices, queue, usage, changer, probing)),
+    *((API, part) for part in (diagnostics, session, users, notices, queue, usage, probing)),
     *((API, part) for part in (canned_cycles, calibration, bring_up, backups, listen)),
     ("", metrics),
     ("", health),

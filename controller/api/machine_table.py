@@ -76,7 +76,7 @@ def _complete(statement: str) -> bool:
 
 
 def _inside(values: Any, dotted: str) -> Any:
-    """What stands under a dotted name; of an array of tables on the way, its last entry."""
+    """The value under a dotted name; of an array of tables on the way, its last entry."""
     for part in re.split(r"\s*\.\s*", dotted):
         values = values[-1] if isinstance(values, list) else values
         values = values[part.strip("\"'")]
@@ -87,16 +87,16 @@ def _called(values: Any, number: int) -> str:
     return str(next((values[name] for name in _NAMED if name in values), number))
 
 
-def _comment(behind: str) -> str:
-    """What stands behind a ``#`` that is no part of a text."""
+def _comment(after: str) -> str:
+    """The text after a ``#`` that is no part of a text itself."""
     quote = ""
-    for i, sign in enumerate(behind):
+    for i, sign in enumerate(after):
         if quote:
             quote = "" if sign == quote else quote
         elif sign in "\"'":
             quote = sign
         elif sign == "#":
-            return behind[i + 1 :].split("\n")[0].strip()
+            return after[i + 1 :].split("\n")[0].strip()
     return ""
 
 

@@ -1,6 +1,6 @@
 """``/metrics`` for Prometheus: figures of the machine, of what is kept of it, and of the panel.
 
-Names keep to Prometheus' own rules (prometheus.io/docs/practices/naming): base units, the unit behind the
+Names keep to Prometheus' own rules (prometheus.io/docs/practices/naming): base units, the unit after the
 name, ``_total`` for what only counts up. So lengths are in metres and angles in radians here, and
 nowhere else outside. What a metric is stands in the messages, under ``metrics.`` and its name.
 """
@@ -16,26 +16,26 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from fastapi import APIRouter, Request, Response
+from fastapi import Request, Response
 from prometheus_client import CollectorRegistry, generate_latest
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily
 from prometheus_client.registry import Collector
 
 from controller import messages
-from controller.api.access import needs, panel_of
-from controller.api.answers import VARY, Refusal, documented, spoken
+from controller.api.access import panel_of
+from controller.api.answers import VARY, Refusal, spoken
 from controller.api.app_state import Panel
-from controller.api.roles import Role
+from controller.api.router import VIEW, Router, body
 from controller.api.store import Sizes
 from controller.state.modes import SHOWN_MODES
 
-router = APIRouter(tags=["metrics"])
+router = Router(tags=["metrics"])
 KIND = "text/plain; version=0.0.4; charset=utf-8"
 ENDS = ("completed", "stopped", "refused", "fault", "interrupted", "lost")  # of a run
 
 Family = GaugeMetricFamily | CounterMetricFamily
 
-# Name, where it stands in the status, factor to the base unit.
+# Name, place in the status, factor to the base unit.
 GAUGES = (
     ("override_ratio", ("override",), 1.0),
     ("rapid_override_ratio", ("rapid_override",), 1.0),
@@ -58,7 +58,7 @@ UNITS = {"mm": ("meters", 1e-3), "deg": ("radians", math.radians(1.0))}
 
 @dataclass(slots=True)
 class Kept:
-    """What store and state folder tell; where the store cannot be read, nothing."""
+    """Figures of store and state folder; where the store cannot be read, nothing."""
 
     runs: dict[str, tuple[int, float, float]] = field(default_factory=dict)
     alarms: dict[str, tuple[int, int]] = field(default_factory=dict)
@@ -67,12 +67,7 @@ class Kept:
     readable: bool = False
 
 
-@router.get(
-    "/metrics",
-    dependencies=[needs(Role.VIEW)],
-    response_class=Response,
-    responses={200: {"content": {"text/plain": {"schema": {"type": "string"}}}}, **documented(401, 403)},
-)
+@router.get("/metrics", VIEW, carries=body("text/plain", is_text=True))
 async def metrics(request: Request) -> Response:
     """Figures for Prometheus; directrix_up tells whether the service answers."""
     panel = panel_of(request)
@@ -184,7 +179,7 @@ def _gauge(name: str, label: str, values: Mapping[str, Any]) -> Family:
 
 
 def _counter(name: str, label: str, values: Mapping[str, Any]) -> Family:
-    """The library puts ``_total`` behind the name."""
+    """The library puts ``_total`` after the name."""
     family = CounterMetricFamily(f"directrix_{name}", _help(name), labels=[label] if label else [])
     return _filled(family, label, values)
 

@@ -1,4 +1,4 @@
-"""What the tick tells, and what its drives do, as OpenAPI shows it: models made of ``live_state``."""
+"""What the tick reports, and what its drives do, as OpenAPI shows it: models made of ``live_state``."""
 
 from __future__ import annotations
 

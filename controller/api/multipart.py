@@ -6,7 +6,7 @@
 Nothing is kept in memory or in other temporary files, whatever the size. The form ends with
 its closing boundary or was cut off: then, as with every other mistake, nothing is kept.
 A file may come with the fields ``sha256`` (or ``checksum``), ``size`` and ``name`` (instead of the file
-name); they may stand before or behind it.
+name); they may come before or after it.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from controller.api.programs import Program
 from controller.api.uploads import Upload, Uploads
 from controller.messages import Key, message
 
-logging.getLogger("python_multipart").setLevel(logging.ERROR)  # what is sent wrong is told to its sender
+logging.getLogger("python_multipart").setLevel(logging.ERROR)  # what is sent wrong is answered to its sender
 
 MAX_FIELDS = 16
 MAX_FIELD_BYTES = 1024
@@ -67,11 +67,8 @@ async def receive(
     """
     form = _Form(content_type, uploads, by)
     try:
-        began_s, limits = time.monotonic(), uploads.limits
+        began_s = time.monotonic()
         while (chunk := await _next(chunks, began_s, form.taken, uploads)) is not None:
-            form.taken += len(chunk)
-            if form.taken > limits.most_bytes + MAX_FIELDS * (MAX_FIELD_BYTES + 4096):
-                raise StoreError.of("size", "upload_beyond", most=limits.most_bytes)
             await asyncio.to_thread(form.feed, chunk)
         return await asyncio.to_thread(form.finish, in_use)
     finally:
@@ -104,6 +101,10 @@ class _Form:
         self.taken = 0
 
     def feed(self, chunk: bytes) -> None:
+        self.taken += len(chunk)
+        most = self._uploads.limits.most_bytes
+        if self.taken > most + MAX_FIELDS * (MAX_FIELD_BYTES + 4096):
+            raise StoreError.of("size", "upload_beyond", most=most)
         try:
             self._parser.write(chunk)
         except FormParserError as error:
@@ -144,7 +145,7 @@ class _Form:
         except FormParserError as error:
             raise StoreError("form", message("upload.wrong", why=error, send=SEND)) from error
 
-    # ---- what the parser tells, in its order
+    # ---- called by the parser, in its order
 
     def _begin(self) -> None:
         if len(self._fields) >= MAX_FIELDS:

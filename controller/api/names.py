@@ -15,7 +15,7 @@ from controller.messages import Key
 LONGEST = 120  # characters
 LONGEST_BYTES = 200  # in UTF-8; file systems end at 255, with room for a suffix
 DEEPEST = 8  # folders one in another
-NEVER = set('\\:*?"<>|\x00\ufffd')  # the last stands for what was not UTF-8
+NEVER = set('\\:*?"<>|\x00\ufffd')  # the last is what was not UTF-8
 
 
 def check(name: str) -> str:

@@ -56,7 +56,7 @@ class Notices:
 
     def __init__(self, store: Store, watch: Watch, past: Past) -> None:
         self._store, self._watch, self._past = store, watch, past
-        self._asked: Any = None  # the tool change that was told
+        self._asked: Any = None  # the tool change that was reported
         self._testing = False
         self.ways = {name: Way(name, self.settings) for name in SENDERS}
 
@@ -165,7 +165,7 @@ class Way:
 
     def _work(self) -> None:
         while (notice := self._waiting.get()) is not None and not self._ended.is_set():
-            with contextlib.suppress(StoreError):  # it is told to whoever asks for it
+            with contextlib.suppress(StoreError):  # it is said to whoever asks for it
                 settings = self._settings()
                 if self.name in ways(settings):
                     self._try(notice, settings)

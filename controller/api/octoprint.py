@@ -14,21 +14,20 @@ from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 from urllib.parse import quote
 
-from fastapi import APIRouter, Header, Request, Response
+from fastapi import Header, Request, Response
 from pydantic import BaseModel
 
 from controller import messages
-from controller.api.access import needs, panel_of
-from controller.api.answers import Refusal, documented, spoken
+from controller.api.access import panel_of
+from controller.api.answers import Refusal, spoken
 from controller.api.app_state import Panel
 from controller.api.names import leaf_of
 from controller.api.programs import Program
-from controller.api.roles import Role
+from controller.api.router import OPERATE, VIEW, Router
 from controller.api.routes.machine import ask
 from controller.api.routes.programs import BODY, place_of, take
 
-router = APIRouter(tags=["OctoPrint's way to upload and to look"])
-LOOK = [needs(Role.VIEW)]
+router = Router(tags=["OctoPrint's way to upload and to look"])
 FLAGS = (
     *("operational", "ready", "printing", "pausing", "paused", "cancelling", "error"),
     *("closedOrError", "sdReady"),
@@ -55,18 +54,14 @@ class JobCommand(BaseModel):
     action: Literal["pause", "resume", "toggle"] = "toggle"
 
 
-@router.get("/api/version", dependencies=LOOK, responses=documented(401, 403))
+@router.get("/api/version", VIEW)
 async def octoprint_version() -> dict[str, str]:
     """Senders look for a text that begins with OctoPrint."""
     return {"api": "0.1", "server": "1.9.0", "text": "OctoPrint (Directrix)"}
 
 
 @router.post(
-    "/api/files/local",
-    status_code=201,
-    dependencies=[needs(Role.OPERATE)],
-    openapi_extra=BODY,
-    responses=documented(401, 403, 408, 409, 413, 422, 429, 503, 507),
+    "/api/files/local", OPERATE, 408, 409, 413, 422, 429, 503, 507, status_code=201, openapi_extra=BODY
 )
 async def octoprint_upload(request: Request, response: Response) -> dict[str, Any]:
     """Upload a program; the same rules as POST /api/v1/programs."""
@@ -82,8 +77,8 @@ async def octoprint_upload(request: Request, response: Response) -> dict[str, An
     return {"done": True, "effectiveSelect": False, "effectivePrint": False, "files": {"local": file}}
 
 
-@router.get("/api/files", dependencies=LOOK, responses=documented(401, 403, 503))
-@router.get("/api/files/local", dependencies=LOOK, responses=documented(401, 403, 503))
+@router.get("/api/files", VIEW, 503)
+@router.get("/api/files/local", VIEW, 503)
 async def octoprint_files(request: Request) -> dict[str, Any]:
     """All programs, and the room for more (bytes)."""
     store = panel_of(request).store
@@ -92,13 +87,13 @@ async def octoprint_files(request: Request) -> dict[str, Any]:
     return {"files": [_file(request, program) for program in kept], "free": disk.free, "total": disk.total}
 
 
-@router.get("/api/files/local/{name:path}", dependencies=LOOK, responses=documented(401, 403, 404, 422, 503))
+@router.get("/api/files/local/{name:path}", VIEW, 404, 422, 503)
 async def octoprint_file(request: Request, name: str) -> dict[str, Any]:
     """One program."""
     return _file(request, await asyncio.to_thread(panel_of(request).store.programs.get, name))
 
 
-@router.get("/api/printer", dependencies=LOOK, responses=documented(401, 403, 409))
+@router.get("/api/printer", VIEW, 409)
 async def octoprint_printer(request: Request) -> dict[str, Any]:
     """The state as flags; 409 where the machine is off, in a fault, or not there, as OctoPrint has it."""
     text, flags = _state(await _status(panel_of(request)))
@@ -108,7 +103,7 @@ async def octoprint_printer(request: Request) -> dict[str, Any]:
     return {"temperature": {}, "sd": {"ready": False}, "state": said}
 
 
-@router.get("/api/job", dependencies=LOOK, responses=documented(401, 403))
+@router.get("/api/job", VIEW)
 async def octoprint_job(request: Request) -> dict[str, Any]:
     """What is loaded or runs, and how far it is: per cent, and seconds."""
     status = await _status(panel_of(request))
@@ -133,12 +128,7 @@ async def octoprint_job(request: Request) -> dict[str, Any]:
     return {**told, "error": words} if text == "Error" else told
 
 
-@router.post(
-    "/api/job",
-    status_code=204,
-    dependencies=[needs(Role.OPERATE)],
-    responses=documented(401, 403, 409, 422, 503),
-)
+@router.post("/api/job", OPERATE, 409, 422, 503, status_code=204)
 async def octoprint_command(
     request: Request,
     body: JobCommand,

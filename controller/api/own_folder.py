@@ -19,7 +19,8 @@ from controller.api import log_in_marker
 
 PANEL = "panel"
 STORE = "store.sqlite"
-FOLDERS = ("programs", "backups", "pictures")
+PROGRAMS = "programs"
+FOLDERS = (PROGRAMS, "backups", "pictures")
 
 
 def of(state: Path) -> Path:

@@ -19,14 +19,14 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from controller import atomic_file, own_files
-from controller.api import names
+from controller.api import names, own_folder
 from controller.api.database import Database, StoreError
 from controller.api.records import Clock, Facts
 from controller.messages import Key, message
 from controller.program import linked
 
 CHUNK = 1 << 20
-FOLDER, INCOMING, CONTENT = "programs", ".incoming", ".ngc"
+FOLDER, INCOMING, CONTENT = own_folder.PROGRAMS, ".incoming", ".ngc"
 RECOVERED = "recovered"  # folder of contents whose names were lost
 
 

@@ -76,7 +76,7 @@ class Turns(Generic[T]):
             owner, waiting = self._waiting.popitem(last=False)
             one = waiting.popleft()
             if waiting:
-                self._waiting[owner] = waiting  # behind all others
+                self._waiting[owner] = waiting  # after all others
             return one
 
     def end(self) -> None:

@@ -1,4 +1,4 @@
-"""Runs that have cut surfaces are judged as their drives have cut them, by a process behind all else.
+"""Runs that have cut surfaces are judged as their drives have cut them, by a process after all else.
 
 What comes of it is shown with the facts of the run, beside the verdict on the plan that its check has. So is
 that nothing came of it, and why: such a run is judged again only when somebody asks for it.

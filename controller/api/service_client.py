@@ -1,7 +1,7 @@
 """The panel's end of the door: asks the controller's service, and keeps the last status for all.
 
-Commands go in lanes, as their table says, each with threads of its own: a stop never waits behind anything
-else, a move only behind moves, and what waits for a disk or a plan is in nobody's way, however many ask.
+Commands go in lanes, as their table says, each with threads of its own: a stop never waits for anything
+else, a move only for moves, and what waits for a disk or a plan is in nobody's way, however many ask.
 The status is asked at most every ``FRESH_S``, however many want to know it: neither 20
 listeners nor a script that asks without pause load the machine. But whoever was answered reads a
 status of after that answer.

@@ -86,7 +86,7 @@ class Sessions:
         return session is not None and 0.0 <= self._clock() - session.confirmed_s <= CONFIRMED_S
 
     def lasting(self, marks: Mapping[str, str]) -> list[tuple[str, Session]]:
-        """Those that last, by the name that each is told by, the latest request first."""
+        """Those that last, by the name of each, the latest request first."""
         now_s = self._clock()
         found = [(key, one) for key, one in self._known.copy().items() if self._lasts(one, marks, now_s)]
         return [(name_of(key), one) for key, one in sorted(found, key=lambda pair: -pair[1].seen_s)]
@@ -122,12 +122,12 @@ class Sessions:
 
 
 def name_of(key: str) -> str:
-    """What a session is told by; it leads to no cookie."""
+    """The name of a session; it leads to no cookie."""
     return key[:NAME_DIGITS]
 
 
 def csrf_of(cookie: str) -> str:
-    """What the page of a session must send along; it tells nothing of the cookie."""
+    """What the page of a session must send along; it shows nothing of the cookie."""
     return sha256(f"csrf {cookie}")
 
 

@@ -94,7 +94,7 @@ def _of_axis(i: int, what: str, shown: float, period_s: float, rows: Array) -> A
 
 
 def _derivative(values: Array, ticks: Array, order: int, period_s: float) -> Array:
-    """The ``order``-th difference over the period; NaN for the first rows, and behind a gap of ticks."""
+    """The ``order``-th difference over the period; NaN for the first rows, and after a gap of ticks."""
     for _ in range(order):
         step = np.diff(ticks, prepend=np.nan)
         change = np.diff(values, prepend=np.nan)

@@ -55,6 +55,9 @@ class Store:
         if (aside := database.lost) is not None:
             self.programs.recover()
             self.report(message("store_lost", file=database.file, aside=aside.name))
+        if database.is_gone:
+            self.programs.recover()
+            self.report(message("store_gone", file=database.file))
 
     def report(self, what: Message) -> None:
         """Something was lost: the panel has the service raise an alarm. Raises StoreError."""

@@ -137,7 +137,7 @@ class Upload:
         self._size = self._size if size is None else size
 
     def commit(self, in_use: Collection[str] = (), sha256: str | None = None) -> Program:
-        """Make it a program, replacing what the name stood for; ``in_use``: see ``Programs``.
+        """Make it a program, replacing what had the name; ``in_use``: see ``Programs``.
 
         Raises StoreError: empty, cut, sha256, running, space.
         """

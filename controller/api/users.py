@@ -60,6 +60,14 @@ class Tries:
     def remembered(self, now_s: float) -> float:
         return max(0.0, self.wrong - (now_s - self.last_s) / FORGOTTEN_S)
 
+    def add(self, now_s: float) -> None:
+        """One more."""
+        self.wrong, self.last_s = self.remembered(now_s) + 1.0, now_s
+
+    def take_back(self) -> None:
+        """The last was not wrong."""
+        self.wrong -= 1.0
+
 
 @dataclass(slots=True)
 class Brake:
@@ -77,14 +85,13 @@ class Brake:
     def wrong(self, now_s: float, keys: Mapping[str, int]) -> None:
         self._tries = {key: tries for key, tries in self._tries.items() if tries.remembered(now_s) > 0.0}
         for key, free in keys.items():
-            tries = self._tries.setdefault(key, Tries(free))
-            tries.wrong, tries.last_s = tries.remembered(now_s) + 1.0, now_s
+            self._tries.setdefault(key, Tries(free)).add(now_s)
 
     def right(self, keys: Iterable[str]) -> None:
         """That try was not wrong. Those before it stay: an own account is no way to go on guessing."""
         for key in keys:
             if key in self._tries:
-                self._tries[key].wrong -= 1.0
+                self._tries[key].take_back()
 
 
 class Users:
@@ -114,7 +121,7 @@ class Users:
         self.refresh()
 
     def refresh(self) -> None:
-        """Read users and tokens from the store, and tell it of sessions. Raises StoreError."""
+        """Read users and tokens from the store, and write sessions into it. Raises StoreError."""
         self._users = {user.name: user for user in self._rows.all()}
         self.lost = self._rows.lost
         self._marks = {user.name: sha256(f"{user.password} {user.role}") for user in self._users.values()}
@@ -138,7 +145,7 @@ class Users:
 
     @cached_property
     def _nobody(self) -> str:
-        """Checked for unknown names, so that the time taken does not tell which names there are."""
+        """Checked for unknown names, so that the time taken does not show which names there are."""
         return self._hasher.hash(secrets.token_urlsafe(16))
 
     async def hash(self, password: str) -> str:
@@ -186,7 +193,7 @@ class Users:
         return self._sessions.is_confirmed(cookie)
 
     def sessions(self) -> list[tuple[str, Session]]:
-        """All that last, by the name that each is told by."""
+        """All that last, by the name of each."""
         return self._sessions.lasting(self._marks)
 
     def end_session(self, name: str) -> None:

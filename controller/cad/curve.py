@@ -132,7 +132,7 @@ def _part(shape: Shape, a: float, b: float, within_mm: float) -> Nurbs:
 
 
 def _joined(parts: Sequence[Nurbs]) -> Nurbs:
-    """Curves one behind the other; their ends are one."""
+    """Curves one after the other; their ends are one."""
     knots, points = [parts[0].knots], [parts[0].points]
     for part in parts[1:]:
         knots[-1] = knots[-1][:-1]  # at a kink a knot stands as often as the degree

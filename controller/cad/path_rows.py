@@ -178,7 +178,7 @@ class _ClReader:
             raise BadPath(message("cad.path.nothing", file=self._file))
 
     def _statements(self) -> Iterator[tuple[int, str, list[str]]]:
-        """Line, major word and what stands behind its slash; $ at the end of a line goes on in the next."""
+        """Line, major word and what follows its slash; $ at the end of a line goes on in the next."""
         whole, begins = "", 0
         for number, raw in enumerate(
             self._file.read_text(encoding="utf-8", errors="replace").splitlines(), 1

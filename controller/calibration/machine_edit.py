@@ -95,7 +95,7 @@ def _entry(document: tomlkit.TOMLDocument, name: str) -> Any:
 
 
 def _put(entry: Any, key: str, value: Array) -> None:
-    """A value in the place of another one, with the comment behind it."""
+    """A value in the place of another one, with the comment after it."""
     old = entry.get(key)
     if old is not None:
         value.trivia.comment, value.trivia.comment_ws = old.trivia.comment, old.trivia.comment_ws

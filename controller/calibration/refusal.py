@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from controller import messages
+from controller.messages import TextError, message
 
 
-class Refusal(ValueError):
-    """One sentence: ``said`` is its key and values, ``str`` of it English."""
+class Refusal(TextError, ValueError):
+    """One sentence."""
 
     def __init__(self, key: str, **values: object) -> None:
-        self.said = messages.message(f"calibration.{key}", **values)
-        super().__init__(messages.text(self.said))
+        super().__init__(message(f"calibration.{key}", **values))

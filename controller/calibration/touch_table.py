@@ -25,7 +25,7 @@ from controller.geometry.arrays import Array
 from controller.machine.model import Machine
 
 MAX_TOUCHES = 100_000
-SAME_PLACE = 0.5  # mm or degrees between a fast touch and the slow one behind it
+SAME_PLACE = 0.5  # mm or degrees between a fast touch and the slow one after it
 MOVES = 0.02  # a component of the way below it is no motion of that axis
 
 
@@ -80,7 +80,7 @@ def _counting(rows: list[Line], needed: Sequence[str], file: str) -> list[Line]:
 
 
 def _is_fast_one(one: Line, behind: Line, needed: Sequence[str], file: str) -> bool:
-    """Whether the touch behind it is of the same place, and slower."""
+    """Whether the touch after it is of the same place, and slower."""
     if not (one[1].get("feed_mm_min") and behind[1].get("feed_mm_min")):
         return False
     fast, slow = (number(row, "feed_mm_min", file, line) for line, row in (one, behind))

@@ -2,67 +2,55 @@
 
 from __future__ import annotations
 
-import json
 import time
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from controller import messages
 from controller.api import backup
-from controller.api.backup import BackupError, Contents
-from controller.api.store import Store, StoreError
+from controller.api.backup import Contents
+from controller.api.store import Store
 from controller.cli import installation, machine_check
+from controller.cli.speech import Verbs
 from controller.ipc import control_socket
 from controller.machine import machine_file as config
 from controller.machine import setup_data
 from controller.machine.model import Machine
-from controller.machine.toml_table import ConfigError
 from controller.runtime.bus_load import overload
-from controller.verify.console import Refused, refusals, say, show, spoken
+from controller.verify.console import Refused, answered, in_words, refusals, say, show
 
-app = typer.Typer(
-    add_completion=False,
-    no_args_is_help=True,
-)
+app = Verbs(add_completion=False, no_args_is_help=True)
 
-Archive = Annotated[Path, typer.Argument()]
-MachineFile = Annotated[str, typer.Option("--machine")]
 Target = Annotated[Path | None, typer.Option("--machine")]
-State = Annotated[Path | None, typer.Option("--state")]
-Runtime = Annotated[Path | None, typer.Option("--runtime")]
-Json = Annotated[bool, typer.Option("--json")]
-
-EXPECTED = (BackupError, StoreError, ConfigError)
 
 
 @app.command()
-def save(archive: Archive, machine: MachineFile = "", state: State = None, as_json: Json = False) -> None:
+def save(archive: Path, machine: str = "", state: Path | None = None, as_json: bool = False) -> None:
     """Write one archive of everything that is set and stored; also while the machine runs."""
-    with refusals(as_json, lambda: EXPECTED):
+    with refusals(as_json):
         store = Store(state or control_socket.state_folder())
         backup.save(store, _machine(store, machine), archive)
         _show(as_json, {"archive": str(archive), **_facts(backup.check(archive))})
 
 
 @app.command()
-def check(archive: Archive, as_json: Json = False) -> None:
-    """Read an archive whole and tell what is in it; nothing is changed."""
-    with refusals(as_json, lambda: EXPECTED):
+def check(archive: Path, as_json: bool = False) -> None:
+    """Read an archive whole and say what is in it; nothing is changed."""
+    with refusals(as_json):
         _show(as_json, {"archive": str(archive), **_facts(backup.check(archive))})
 
 
 @app.command()
 def restore(
-    archive: Archive,
+    archive: Path,
     machine_file: Target = None,
-    state: State = None,
-    runtime: Runtime = None,
-    as_json: Json = False,
+    state: Path | None = None,
+    runtime: Path | None = None,
+    as_json: bool = False,
 ) -> None:
     """Put everything of an archive back; what was is kept, for rollback. The service must not run."""
-    with refusals(as_json, lambda: EXPECTED):
+    with refusals(as_json):
         store = Store(state or control_socket.state_folder())
         _at_rest(store, runtime)
         contents = backup.check(archive)
@@ -73,14 +61,14 @@ def restore(
 
 @app.command()
 def update(
-    new: Annotated[Path, typer.Argument()],
+    new: Path,
     machine_file: Annotated[Path, typer.Option("--machine")],
-    state: State = None,
-    runtime: Runtime = None,
-    as_json: Json = False,
+    state: Path | None = None,
+    runtime: Path | None = None,
+    as_json: bool = False,
 ) -> None:
     """Replace the machine file, checked with the tools and offsets in use; the old one is kept."""
-    with refusals(as_json, lambda: EXPECTED):
+    with refusals(as_json):
         store = Store(state or control_socket.state_folder())
         _at_rest(store, runtime)
         _sound(config.load(new), as_json)
@@ -89,13 +77,13 @@ def update(
 
 @app.command()
 def rollback(
-    machine_file: Target = None, state: State = None, runtime: Runtime = None, as_json: Json = False
+    machine_file: Target = None, state: Path | None = None, runtime: Path | None = None, as_json: bool = False
 ) -> None:
     """Undo the last restore or update; done twice, it is as before.
 
     The machine file, where that replaced it, goes to --machine, or to where the installed service reads it.
     """
-    with refusals(as_json, lambda: EXPECTED):
+    with refusals(as_json):
         store = Store(state or control_socket.state_folder())
         _at_rest(store, runtime)
         if not (kept := backup.automatic_backups(store)):
@@ -116,7 +104,7 @@ def _sound(machine: Machine, quiet: bool) -> None:
     """
     machine_check.sheets(machine, quiet)
     if why := overload(machine):
-        raise Refused(messages.text(why, spoken.get()))
+        raise Refused(in_words(why))
 
 
 def _restored(store: Store, contents: Contents, machine_file: Path | None, as_json: bool) -> None:
@@ -159,9 +147,8 @@ def _facts(contents: Contents) -> dict[str, Any]:
 
 
 def _show(as_json: bool, facts: dict[str, Any]) -> None:
-    done = [messages.text(one, spoken.get()) for one in facts.get("done") or ()]
-    if as_json:
-        print(json.dumps({"ok": True, **facts, **({"done": done} if done else {})}))
+    done = [in_words(one) for one in facts.get("done") or ()]
+    if answered(as_json, **{**facts, **({"done": done} if done else {})}):
         return
     listed = (say(f"cli.backup.fact.{name}", value=value) for name, value in facts.items() if name != "done")
-    show.print("\n".join(done or [f"{', '.join(listed)}."]), markup=False)
+    show.print("\n".join(done or [f"{', '.join(listed)}."]))

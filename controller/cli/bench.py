@@ -20,19 +20,10 @@ from rich.table import Table
 from rich.text import Text
 
 from controller import atomic_file
-from controller.cli import checkout, speech
+from controller.cli import checkout
 from controller.cli.host_view import Host
 from controller.verify import console
-from controller.verify.console import Refused, bar, refusals, say, show, tell
-
-Names = Annotated[list[str] | None, typer.Argument(metavar="[NAME]...")]
-Short = Annotated[bool, typer.Option("--short")]
-Plot = Annotated[Path | None, typer.Option("--plot", metavar="DIR")]
-Into = Annotated[
-    Path | None,
-    typer.Option("--readme", metavar="FILE"),
-]
-Json = Annotated[bool, typer.Option("--json")]
+from controller.verify.console import Refused, answered, bar, refusals, say, show, tell
 
 BEGIN, END = "<!-- figures -->", "<!-- end of figures -->"
 SAME = 1e-6  # that parts may miss the whole by
@@ -42,19 +33,18 @@ BOUNDS = ("at_most", "at_least", "at_most_times")  # what may be promised of a f
 Report = Mapping[str, Any]
 
 
-@speech.speaking
 def bench(
-    name: Names = None,
-    short: Short = False,
-    plot: Plot = None,
-    readme: Into = None,
-    as_json: Json = False,
+    name: Annotated[list[str] | None, typer.Argument(metavar="[NAME]...")] = None,
+    short: bool = False,
+    plot: Annotated[Path | None, typer.Option("--plot", metavar="DIR")] = None,
+    readme: Annotated[Path | None, typer.Option("--readme", metavar="FILE")] = None,
+    as_json: bool = False,
 ) -> None:
     """Measure: every figure beside its reference in the same run (cyclictest, rs274, bounds, one worker ...).
 
     A computer that does something else meanwhile spoils them: compare ratios of one run.
     """
-    with refusals(as_json, lambda: ()):
+    with refusals(as_json):
         folder = checkout.tests() / "benchmarks"
         known = sorted(file.stem for file in folder.glob("*.py"))
         if unknown := sorted(set(name or ()) - set(known)):
@@ -77,8 +67,7 @@ def bench(
             atomic_file.write(readme, made)
         if failed := [one for one, report in found.items() if "error" in report]:
             raise Refused(_say("failed", names=" ".join(failed)), benchmarks=found)
-        if as_json:
-            print(json.dumps({"ok": True, "short": short, "benchmarks": found}))
+        answered(as_json, short=short, benchmarks=found)
 
 
 def _say(key: str, **values: object) -> str:
@@ -184,7 +173,7 @@ def _draw(found: Mapping[str, Report], folder: Path) -> None:
         drawn.suptitle(name)
         drawn.savefig(folder / f"{name}.png", dpi=120)
         pyplot.close(drawn)
-    tell.print(_say("drawn", folder=folder), markup=False)
+    tell.print(_say("drawn", folder=folder))
 
 
 def _bars(axes: Any, rows: Sequence[Mapping[str, Any]]) -> None:

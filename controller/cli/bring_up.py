@@ -17,10 +17,9 @@ import typer
 
 from controller import messages, own_files
 from controller.cli import remote
-from controller.cli.client import Json, TakeOver, Url
+from controller.cli.client import Url
 from controller.machine import machine_file
 from controller.machine.model import Machine
-from controller.machine.toml_table import ConfigError
 from controller.messages import Message, message
 from controller.verify import console
 from controller.verify.console import Misunderstood, agreed, in_words, refusals, show, spoken, tell
@@ -35,18 +34,18 @@ EVERY = "all"  # in place of a step's name
 
 def bring_up(
     folder: Annotated[Path, typer.Argument(metavar="FOLDER")],
-    machine: Annotated[str, typer.Option("--machine")] = "trunnion",
-    simulate: Annotated[bool, typer.Option("--simulate")] = False,
+    machine: str = "trunnion",
+    simulate: bool = False,
     step: Annotated[list[str] | None, typer.Option("--step", metavar="STEP")] = None,
-    again: Annotated[bool, typer.Option("--again")] = False,
+    again: bool = False,
     yes: Annotated[list[str] | None, typer.Option("--yes", metavar="STEP")] = None,
     value: Annotated[list[str] | None, typer.Option("--value", metavar="STEP=VALUE")] = None,
     skip: Annotated[list[str] | None, typer.Option("--skip", metavar="STEP=REASON")] = None,
     part: Annotated[Path | None, typer.Option("--part", metavar="PROGRAM")] = None,
     list_only: Annotated[bool, typer.Option("--list")] = False,
-    take_over: TakeOver = False,
+    take_over: bool = False,
     url: Url = remote.URL,
-    as_json: Json = False,
+    as_json: bool = False,
 ) -> None:
     """Bring a new machine up, step by step: what moves, what to look at, and what came of it in a protocol.
 
@@ -57,7 +56,7 @@ def bring_up(
     from controller.bringup import report
     from controller.bringup import steps as declared
 
-    with refusals(as_json, _expected):
+    with refusals(as_json):
         made = machine_file.load(machine)
         steps = declared.steps(made)
         skipped = _skipped(skip or [], steps)
@@ -147,7 +146,7 @@ class Session:
         """Shows what is to be done, and asks."""
         if not self.answers.silent:
             for which in ("title", "do", "look"):
-                show.print(in_words(step.text(which)), markup=False, soft_wrap=True)
+                show.print(in_words(step.text(which)), soft_wrap=True)
         if step.name in self.answers.yes:
             return True
         key = "bringup.ask.moves" if step.moves else "bringup.ask.step"
@@ -162,13 +161,13 @@ class Session:
         why = carry_out(step, Site(self.bench, operator, self.protocol, self.part))
         if why is not None:
             self.unfinished[step.name] = why
-            tell.print(in_words(why), markup=False)
+            tell.print(in_words(why))
             return
         done = self.protocol.done[step.name]
         self.bad += [step.name] if done["verdict"] == BAD else []
         if not self.answers.silent:
             for one in (*done["figures"], *done["findings"]):
-                show.print(f"  {in_words(one)}", markup=False, soft_wrap=True)
+                show.print(f"  {in_words(one)}", soft_wrap=True)
 
 
 class AtTerminal:
@@ -189,7 +188,7 @@ class AtTerminal:
             try:
                 return _finite(typed)
             except ValueError:
-                tell.print(console.say("bringup.no_answer", found=typed), markup=False)
+                tell.print(console.say("bringup.no_answer", found=typed))
 
     def confirms(self, question: Message) -> bool:
         if self._step in self._answers.yes:
@@ -213,7 +212,7 @@ class AtTerminal:
 
     @contextlib.contextmanager
     def works(self, request: Message) -> Iterator[Callable[[], bool]]:
-        tell.print(f"{in_words(request)} {console.say('bringup.ask.enter_none')}", markup=False)
+        tell.print(f"{in_words(request)} {console.say('bringup.ask.enter_none')}")
         yield self._enters
 
     @staticmethod
@@ -248,9 +247,9 @@ def _tell(run: Session, as_json: bool) -> None:
         for axis, name, old, new, why in report.proposed(protocol, step):
             key = "bringup.report.propose_spindle" if axis == "spindle" else "bringup.report.propose"
             row = console.say(key, axis=axis, name=name, old=old, new=new, why=why)
-            show.print(row, markup=False, soft_wrap=True)
-    tell.print(in_words(report.summary(protocol, run.steps)), markup=False)
-    tell.print(console.say("bringup.report.written", file=file), markup=False)
+            show.print(row, soft_wrap=True)
+    tell.print(in_words(report.summary(protocol, run.steps)))
+    tell.print(console.say("bringup.report.written", file=file))
 
 
 def _named(names: Sequence[str], steps: Sequence[Step]) -> frozenset[str]:
@@ -297,18 +296,3 @@ def _finite(number: str) -> float:
     if not math.isfinite(found):
         raise ValueError(number)
     return found
-
-
-def _expected() -> tuple[type[Exception], ...]:
-    """What a machine that does not come up, and a protocol that is none, raise."""
-    from controller.bringup.protocol import NoProtocol
-    from controller.runtime.startup import SessionError
-    from drives.bus import BusError
-    from drives.commission import CommissionError
-
-    return ConfigError, NoProtocol, SessionError, BusError, CommissionError
-
-
-def register(app: typer.Typer) -> None:
-    """Adds the verb, whose name no function can have."""
-    app.command("bring-up")(bring_up)

@@ -59,10 +59,7 @@ def conducted(job: dict[str, Any]) -> Message | None:
     kept = Path(job["protocol"])
     own_files.make_folder(kept)
     protocol = protocols.opened(kept, machine, simulated=False)
-    with (
-        tempfile.TemporaryDirectory() as folder,
-        remote.client(job["url"], job["headers"], own=True) as http,
-    ):
+    with tempfile.TemporaryDirectory() as folder, remote.client(job["url"], job["headers"], own=True) as http:
         part = _named(job["part"], Path(folder))
         bench = LiveBench(remote.Machine(http), machine)
         why = carry_out(step, Site(bench, AtPage(), protocol, part))

@@ -2,46 +2,33 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from controller.cli.speech import speaking
 from controller.machine import machine_file
 from controller.machine.model import Machine
-from controller.machine.toml_table import ConfigError
 from controller.runtime import drive_sheets
 from controller.runtime.bus_load import budgets, overload
 from controller.verify import bus_report
-from controller.verify.console import Refused, in_words, refusals, show
+from controller.verify.console import Refused, answered, in_words, refusals, show
 from drives.load import timeline
 from drives.load.budget import BusBudget
 
-app = typer.Typer(add_completion=False)
 
-MachineArgument = Annotated[str | None, typer.Argument()]
-MachineOption = Annotated[str, typer.Option("--machine")]
-PeriodMs = Annotated[float | None, typer.Option("--period-ms")]
-Plot = Annotated[Path | None, typer.Option("--plot")]
-Json = Annotated[bool, typer.Option("--json")]
-
-
-@app.command("bus")
-@speaking
 def bus(
-    file: MachineArgument = None,
-    machine: MachineOption = "trunnion",
-    period_ms: PeriodMs = None,
-    plot: Plot = None,
-    as_json: Json = False,
+    file: Annotated[str | None, typer.Argument()] = None,
+    machine: str = "trunnion",
+    period_ms: float | None = None,
+    plot: Path | None = None,
+    as_json: bool = False,
 ) -> None:
     """The bus budget: who sends what when in a tick, at its worst; what is left, and what would fit.
 
     Drives that commissioning would refuse by their data sheets are refused here, too.
     """
-    with refusals(as_json, lambda: (ConfigError,)):
+    with refusals(as_json):
         made = machine_file.load(file or machine)
         made = made if period_ms is None else machine_file.with_period(made, period_ms / 1e3)
         found = budgets(made)
@@ -55,8 +42,7 @@ def bus(
         sentences = [in_words(one) for one in (*([over] if over else ()), *drive_sheets.refusal(made))]
         if sentences:
             raise Refused("\n".join(sentences), **facts)
-        if as_json:
-            print(json.dumps({"ok": True, **facts}))
+        answered(as_json, **facts)
 
 
 def _facts(found: list[BusBudget], machine: Machine) -> dict[str, Any]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import re
 from collections.abc import Sequence
@@ -12,46 +11,22 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from controller import messages
 from controller.cli import new_files
-from controller.cli.new_files import Overwrite
-from controller.cli.speech import speaking
 from controller.geometry.vectors import Frame, Vector, add, rotate
 from controller.machine import machine_file
 from controller.machine.model import Machine, Tool
-from controller.machine.toml_table import ConfigError
 from controller.messages import message
 from controller.program import blocks
-from controller.verify.console import Refused, bar, refusals, say, spoken
+from controller.verify.console import Refused, answered, bar, refusals, say
 
 if TYPE_CHECKING:  # OpenCASCADE takes its time to load, and is an extra
     from controller.cad.deviation import Deviation
     from controller.cad.kernel import Face, Part
     from controller.cad.program import Written
     from controller.cad.strip import How, Strip
-    from controller.cli.cad_tables import Seen
+    from controller.cli.cad_tables import SeenFace
     from controller.geometry.arrays import Array
 
-Argument = Annotated[Path, typer.Argument()]
-ListOnly = Annotated[bool, typer.Option("--list")]
-Plot = Annotated[Path | None, typer.Option("--plot")]
-Faces = Annotated[str, typer.Option("--faces")]
-Out = Annotated[Path | None, typer.Option("--out")]
-MachineFile = Annotated[str, typer.Option("--machine")]
-ToolNumber = Annotated[int, typer.Option("--tool")]
-Feed = Annotated[float, typer.Option("--feed")]
-Spindle = Annotated[float, typer.Option("--spindle")]
-Direction = Annotated[Literal["climb", "conventional"], typer.Option("--direction")]
-Placement = Annotated[Literal["single", "double", "optimal", "machine"], typer.Option("--placement")]
-OtherSide = Annotated[str, typer.Option("--other-side")]
-Tolerance = Annotated[float, typer.Option("--tolerance")]
-Whole = Annotated[bool, typer.Option("--whole")]
-Prolong = Annotated[float, typer.Option("--prolong")]
-OtherRulings = Annotated[str, typer.Option("--other-rulings")]
-Move = Annotated[str, typer.Option("--move")]
-Turn = Annotated[str, typer.Option("--turn")]
-Verify = Annotated[bool, typer.Option("--verify")]
-Json = Annotated[bool, typer.Option("--json")]
 
 AXES: dict[str, Vector] = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0), "Z": (0.0, 0.0, 1.0)}
 GROUPS = ("all", "blades")  # of faces, that --faces names
@@ -60,36 +35,31 @@ PROGRAM_SUFFIXES = (".ngc", ".nc", ".tap", ".cnc", ".txt", ".mpf", ".h")
 MICRON_MM = 1e-3  # a written surface is at least so near to its face
 
 
-def register(app: typer.Typer) -> None:
-    """``import`` is a word of Python's, so the function cannot have that name."""
-    app.command("import")(speaking(import_))
-
-
 def import_(
-    file: Argument,
-    only_list: ListOnly = False,
-    plot: Plot = None,
-    faces: Faces = "",
-    out: Out = None,
-    overwrite: Overwrite = False,
-    machine: MachineFile = "trunnion",
-    tool: ToolNumber = 0,
-    feed: Feed = 300.0,
-    spindle: Spindle = 8000.0,
-    direction: Direction = "climb",
-    placement: Placement = "double",
-    other_side: OtherSide = "",
-    tolerance: Tolerance = 0.001,
-    whole: Whole = False,
-    prolong: Prolong = 0.0,
-    other_rulings: OtherRulings = "",
-    move: Move = "",
-    turn: Turn = "",
-    verify: Verify = False,
-    as_json: Json = False,
+    file: Path,
+    only_list: Annotated[bool, typer.Option("--list")] = False,
+    plot: Path | None = None,
+    faces: str = "",
+    out: Path | None = None,
+    overwrite: bool = False,
+    machine: str = "trunnion",
+    tool: int = 0,
+    feed: float = 300.0,
+    spindle: float = 8000.0,
+    direction: Literal["climb", "conventional"] = "climb",
+    placement: Literal["single", "double", "optimal", "machine"] = "double",
+    other_side: str = "",
+    tolerance: float = 0.001,
+    whole: bool = False,
+    prolong: float = 0.0,
+    other_rulings: str = "",
+    move: str = "",
+    turn: str = "",
+    verify: bool = False,
+    as_json: bool = False,
 ) -> None:
     """Find the ruled faces of a STEP file or CAM lines (--list), and write a program that cuts some."""
-    with refusals(as_json, lambda: (ConfigError,)):
+    with refusals(as_json):
         if only_list == bool(faces):
             raise Refused(say("cli.import.either"))
         for name, value in (("--feed", feed), ("--spindle", spindle), ("--tolerance", tolerance)):
@@ -159,12 +129,7 @@ def import_(
 
 
 def _tell(
-    file: Path,
-    target: Path,
-    cutter: Tool,
-    rows: list[dict[str, Any]],
-    machine: Machine | None,
-    as_json: bool,
+    file: Path, target: Path, cutter: Tool, rows: list[dict[str, Any]], machine: Machine | None, as_json: bool
 ) -> None:
     """What was written; with a machine also what comes of it there. Raises Refused where that is wrong."""
     facts = {"file": str(file), "program": str(target), "tool": cutter.number, "faces": rows}
@@ -175,8 +140,7 @@ def _tell(
         facts |= figures
         if wrong:
             raise Refused(wrong, **facts)
-    if as_json:
-        print(json.dumps({"ok": True, **facts}))
+    answered(as_json, **facts)
 
 
 # ---- what is asked for ---------------------------------------------------------------
@@ -193,7 +157,7 @@ def _numbers(name: str, text: str, part: Part) -> list[int]:
 
 
 def _placed(move: str, turn: str) -> Frame:
-    """Where the file's frame stands in the part frame."""
+    """Where the file's frame is in the part frame."""
     frame = Frame()
     for word in [word for word in turn.replace(" ", "").upper().split(",") if word]:
         angle = _float(word[1:]) if word[0] in AXES else None
@@ -246,13 +210,11 @@ def _part(file: Path, placed: Frame) -> Part:
     try:
         with kernel.failures():
             return kernel.read(file, placed)
-    except kernel.CadError as error:
-        raise Refused(messages.text(error.said, spoken.get())) from error
     except kernel.Failure as error:
         raise Refused(say("cli.import.unreadable", file=file, why=error)) from error
 
 
-def _seen(part: Part, how: How, numbers: Sequence[int], others: Sequence[int], quiet: bool) -> list[Seen]:
+def _seen(part: Part, how: How, numbers: Sequence[int], others: Sequence[int], quiet: bool) -> list[SeenFace]:
     """The faces with these numbers in this order; without numbers all of them.
 
     ``others``: numbers of those that are cut along the other of their two families of rulings.
@@ -268,7 +230,7 @@ def _seen(part: Part, how: How, numbers: Sequence[int], others: Sequence[int], q
     return found
 
 
-def _in_roles(part: Part, seen: Sequence[Seen], machine: Machine) -> list[Seen]:
+def _in_roles(part: Part, seen: Sequence[SeenFace], machine: Machine) -> list[SeenFace]:
     """All faces of a part with what they are on it, and the tools that cut them."""
     from controller.cad.program import tools_for
     from controller.cad.roles import roles
@@ -297,13 +259,13 @@ def _edge_points(face: Face) -> Array:
         return np.zeros((0, 3))
 
 
-def _look(face: Face, how: How, fine_mm: float) -> Seen:
+def _look(face: Face, how: How, fine_mm: float) -> SeenFace:
     import numpy as np
 
     from controller.cad.curve import NoFit
     from controller.cad.kernel import Failure, failures
     from controller.cad.strip import NotRuled, strips
-    from controller.cli.cad_tables import Seen
+    from controller.cli.cad_tables import SeenFace
 
     shape = np.zeros((0, 3, 3))
     try:
@@ -311,15 +273,15 @@ def _look(face: Face, how: How, fine_mm: float) -> Seen:
             shape = face.triangles(fine_mm)
             made = strips(face, how)
     except NotRuled as error:
-        return Seen(face, (), error.said, error.off_ruled_mm, shape)
+        return SeenFace(face, (), error.said, error.off_ruled_mm, shape)
     except Failure as error:
-        return Seen(face, (), message("cli.import.not_evaluated", why=error), math.inf, shape)
+        return SeenFace(face, (), message("cli.import.not_evaluated", why=error), math.inf, shape)
     except (NoFit, ArithmeticError, ValueError) as error:  # degenerate numbers in the file
-        return Seen(face, (), message("cli.import.no_curves", why=error), math.inf, shape)
-    return Seen(face, tuple(made), None, made[0].off_ruled_mm, shape)
+        return SeenFace(face, (), message("cli.import.no_curves", why=error), math.inf, shape)
+    return SeenFace(face, tuple(made), None, made[0].off_ruled_mm, shape)
 
 
-def _cuttable(one: Seen, file: Path, other_side: bool) -> list[Strip]:
+def _cuttable(one: SeenFace, file: Path, other_side: bool) -> list[Strip]:
     """The strips of a face; raises Refused where it has none."""
     if not one.strips:
         face = {"number": one.face.number, "kind": one.face.kind}
@@ -333,13 +295,10 @@ def _thickest_mm(machine: Machine, number: int) -> float:
 
 
 def _tool(machine: Machine, number: int, strips: Sequence[Strip]) -> Tool:
-    from controller.cad.program import NoTool, fitting
+    from controller.cad.program import fitting
 
     if not number:
-        try:
-            return fitting(strips, machine)
-        except NoTool as error:
-            raise Refused(messages.text(error.said, spoken.get())) from None
+        return fitting(strips, machine)
     found = machine.tool(number)
     if found is None:
         known = ", ".join(f"T{tool.number}" for tool in machine.tools)

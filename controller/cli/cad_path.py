@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import re
 from collections.abc import Sequence
@@ -10,17 +9,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from controller import messages
 from controller.cad import path_rows, path_strips, program
 from controller.cad.deviation import surfaces
-from controller.cad.path_rows import BadPath, Row
+from controller.cad.path_rows import Row
 from controller.cad.path_strips import Off, Recognised
 from controller.cad.strip import Strip
 from controller.cli.new_files import save
 from controller.machine.model import Machine, Tool
 from controller.machine.tool_profile import flank_mm
 from controller.program import blocks
-from controller.verify.console import Refused, say, show, spoken, tell
+from controller.verify.console import Refused, answered, in_words, say, show, tell
 from controller.verify.tables import headed
 
 ALLOWED = 1.5  # times the tolerance, from the lines
@@ -42,11 +40,11 @@ class Wish:
 def import_rows(
     file: Path, is_program: bool, target: Path | None, machine: Machine, wish: Wish, as_json: bool
 ) -> tuple[Tool, list[dict[str, Any]]] | None:
-    """List the rows of a file, or write the program that cuts some; None of a list. Raises Refused."""
-    try:
-        rows = path_rows.read(file, machine, is_program)
-    except BadPath as error:
-        raise Refused(messages.text(error.said, spoken.get())) from None
+    """List the rows of a file, or write the program that cuts some; None of a list.
+
+    Raises Refused, BadPath.
+    """
+    rows = path_rows.read(file, machine, is_program)
     if not rows:
         raise Refused(say("cli.import.path.no_row", file=file))
     cutter = _tool(rows, machine, wish.tool)
@@ -72,7 +70,7 @@ def import_rows(
     save(target, written.text)
     if not as_json:
         show.print(_table(target, cut))
-        tell.print(say("table.imported", tool=cutter.number, name=cutter.name, program=target), markup=False)
+        tell.print(say("table.imported", tool=cutter.number, name=cutter.name, program=target))
     return cutter, cut
 
 
@@ -106,7 +104,7 @@ def _chosen(file: Path, found: Sequence[Recognised], asked: str) -> list[Recogni
             known = ", ".join(map(str, by_number))
             raise Refused(say("cli.import.path.number", text=asked, word=word, known=known))
         if one.strip is None:
-            why = messages.text(one.reason, spoken.get())
+            why = in_words(one.reason)
             raise Refused(say("cli.import.path.not_cut", number=one.number, why=why))
         chosen.append(one)
     return chosen
@@ -120,7 +118,7 @@ def _facts(one: Recognised, strip: Strip | None, off: Off | None) -> dict[str, A
         "lines": len(one.rows[0].tips),
         "cut_as": None,
         "passes_beside": one.beside,
-        "why_not": messages.text(one.reason, spoken.get()) or None,
+        "why_not": in_words(one.reason) or None,
     }
     if strip is None or off is None:
         return facts
@@ -144,14 +142,13 @@ def _show_list(file: Path, found: Sequence[Recognised], radius_mm: float, wish: 
             radius = one.rows[0].radius_mm or radius_mm
             off = path_strips.deviation(one, one.strip.surface, radius, wish.right)
         rows.append(_facts(one, one.strip, off))
-    if as_json:
-        print(json.dumps({"ok": True, "file": str(file), "rows": rows}))
+    if answered(as_json, file=str(file), rows=rows):
         return
     show.print(_table(file, rows))
     for row in rows:
         why = row["why_not"] or (say("cli.import.path.beside") if row["passes_beside"] else "")
         if why:
-            show.print(say("table.of_face", number=row["number"], told=why), markup=False)
+            show.print(say("table.of_face", number=row["number"], told=why))
 
 
 def _table(file: Path, rows: Sequence[dict[str, Any]]) -> Any:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,11 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from controller import messages
 from controller.cad import picture, program
 from controller.machine.model import Machine, Tool
 from controller.messages import Message
-from controller.verify.console import say, show, spoken, tell
+from controller.verify.console import answered, in_words, say, show, tell
 from controller.verify.tables import headed
 
 if TYPE_CHECKING:
@@ -30,7 +28,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class Seen:
+class SeenFace:
     """One face: its strips, the largest first, or why it has none; what it is on the part; what cuts it."""
 
     face: Face
@@ -52,7 +50,7 @@ class Seen:
             "normal": _rounded(normal),
             "off_ruled_mm": _finite(self.off_ruled_mm),
             "cut_as": None,
-            "why_not": messages.text(self.reason, spoken.get()) or None,
+            "why_not": in_words(self.reason) or None,
         }
         if not self.strips:
             return facts
@@ -78,18 +76,17 @@ def _rounded(place: Array) -> list[float] | None:
 
 
 def _remarks(strip: Strip) -> str | None:
-    return "; ".join(messages.text(one, spoken.get()) for one in strip.remarks) or None
+    return "; ".join(in_words(one) for one in strip.remarks) or None
 
 
 def _finite(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def faces(file: Path, part: Part, seen: Sequence[Seen], as_json: bool) -> None:
+def faces(file: Path, part: Part, seen: Sequence[SeenFace], as_json: bool) -> None:
     """The table of ``--list``: within 80 columns."""
     rows = [one.to_dict() for one in seen]
-    if as_json:
-        print(json.dumps({"ok": True, "file": str(file), "unit": part.unit, "faces": rows}))
+    if answered(as_json, file=str(file), unit=part.unit, faces=rows):
         return
     heads = ("face", "role", "cut_as", "length", "ruling", "hollow", "twist", "tool")
     table = headed("table.faces", heads, ("role", "cut_as", "tool"), file=file.name, unit=part.unit)
@@ -120,7 +117,7 @@ def _cells(row: dict[str, Any]) -> tuple[str, ...]:
     )
 
 
-def picture_of(seen: Sequence[Seen], machine: Machine) -> str:
+def picture_of(seen: Sequence[SeenFace], machine: Machine) -> str:
     """Of all faces, as SVG, coloured by the thickest tool that cuts them."""
     numbers = [tool.number for tool in machine.tools]
     shown = [
@@ -141,7 +138,7 @@ def picture_of(seen: Sequence[Seen], machine: Machine) -> str:
     return picture.drawn(shown, legend)
 
 
-def _colour(one: Seen, numbers: Sequence[int]) -> picture.Colour:
+def _colour(one: SeenFace, numbers: Sequence[int]) -> picture.Colour:
     if one.tools:
         return picture.colour_of(one.tools[0].number, numbers)
     return picture.NO_TOOL if one.strips else picture.OTHER
@@ -162,7 +159,7 @@ def _show_remarks(told: Sequence[tuple[int, str | None, str | None, str | None]]
             of.setdefault(words_, []).append(number)
     for sentence, numbers in of.items():
         key = "table.of_face" if len(numbers) == 1 else "table.of_faces"
-        show.print(say(key, number=", ".join(map(str, numbers)), told=sentence), markup=False)
+        show.print(say(key, number=", ".join(map(str, numbers)), told=sentence))
 
 
 def off_faces(made: Written, found: Sequence[Deviation]) -> list[dict[str, Any]]:
@@ -191,4 +188,4 @@ def written(target: Path, tool: Tool, rows: Sequence[dict[str, Any]]) -> None:
         table.add_row(numbers, row["kind"], row["cut_as"], *away)
     show.print(table)
     _show_remarks([(row["number"], row["remark"], None, None) for row in rows])
-    tell.print(say("table.imported", tool=tool.number, name=tool.name, program=target), markup=False)
+    tell.print(say("table.imported", tool=tool.number, name=tool.name, program=target))

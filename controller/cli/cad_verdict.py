@@ -5,12 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from controller import messages
 from controller.cli import programs, verify
 from controller.machine.model import Machine
 from controller.program.program import ProgramError
 from controller.runtime import checked
-from controller.verify.console import Refused, say, show, spoken
+from controller.verify.console import Refused, in_words, say, show
 
 
 def verdict(program: Path, machine: Machine, as_json: bool) -> tuple[dict[str, Any], str]:
@@ -30,11 +29,11 @@ def verdict(program: Path, machine: Machine, as_json: bool) -> tuple[dict[str, A
     try:
         found = verify.judged(task, as_json)
     except ProgramError as error:
-        raise Refused(refused or messages.text(error.placed, spoken.get()), **figures) from error
+        raise Refused(refused or in_words(error.placed), **figures) from error
     figures["verify"] = found.to_dict(machine)
     wrong = found.wrong if found.gouges or found.exceeding else ""
     if not as_json:
         verify.show_found(found)
         if refused:
-            show.print(say("cli.import.refused", why=refused), markup=False)
+            show.print(say("cli.import.refused", why=refused))
     return figures, refused or (wrong if machine.gouge == "refuse" else "")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import html
-import json
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -24,7 +23,7 @@ from controller.program import linked, refusals
 from controller.program.program import ProgramError
 from controller.runtime import checked
 from controller.verify import console, wording
-from controller.verify.console import Refused, bar, say, show, spoken, tell
+from controller.verify.console import Refused, answered, bar, in_words, say, show, spoken, tell
 from controller.workers import Spread
 
 SUFFIXES = (".ngc", ".nc", ".tap", ".cnc", ".gcode")
@@ -57,7 +56,7 @@ class Row:
     def to_dict(self) -> dict[str, Any]:
         found: dict[str, Any] = {"program": self.name, "state": self.state, **messages.facts(self.said)}
         if self.said is not None:
-            found["sentence"] = messages.text(self.said, spoken.get())
+            found["sentence"] = in_words(self.said)
         if self.line:
             found |= {"line": self.line, "column": self.column}
         if self.survey is not None and self.kept is not None:
@@ -145,7 +144,7 @@ def _refused(error: ProgramError, task: checked.Task) -> Row:
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
+class FolderCheck:
     """A folder, and how it is to be checked."""
 
     folder: Path
@@ -155,7 +154,7 @@ class Asked:
     report: Path | None
 
 
-def run(asked: Asked, spread: Spread, as_json: bool) -> None:
+def run(asked: FolderCheck, spread: Spread, as_json: bool) -> None:
     """All of a folder. Raises Refused where a program is, or none is there."""
     found = jobs(asked.folder, asked.machine, asked.block_delete)
     if not found:
@@ -172,27 +171,25 @@ def run(asked: Asked, spread: Spread, as_json: bool) -> None:
         show.print(_table(rows))
         for row in rows:
             if row.is_wrong:
-                tell.print(messages.text(row.said, spoken.get()), markup=False)
+                tell.print(in_words(row.said))
         if warning:
-            tell.print(warning, markup=False)
+            tell.print(warning)
         if asked.report is not None:
-            show.print(_say("written", file=asked.report), markup=False)
+            show.print(_say("written", file=asked.report))
     if any(row.is_wrong for row in rows):
         raise Refused(_summed(rows), **facts)
-    if as_json:
-        print(json.dumps({"ok": True, **facts}))
-    else:
-        show.print(_summed(rows), markup=False)
+    if not answered(as_json, **facts):
+        show.print(_summed(rows))
 
 
-def _rows(asked: Asked, found: Sequence[Job], spread: Spread, quiet: bool) -> tuple[list[Row], str]:
+def _rows(asked: FolderCheck, found: Sequence[Job], spread: Spread, quiet: bool) -> tuple[list[Row], str]:
     """What came of each, and a warning where checks could not be stored, or ""."""
     rows, warning, wrong = list[Row](), "", 0
     with bar(say("cli.bar.checking"), quiet) as progress:
         for row in spread(partial(examined, asked.machine), found, PROGRAM_S):
             if row.kept is not None:
                 unkept = checked.keep(row.kept, row.key, asked.store)
-                warning = messages.text(messages.plain(unkept), spoken.get()) if unkept else warning
+                warning = in_words(messages.plain(unkept)) if unkept else warning
             rows.append(row)
             wrong += row.is_wrong
             progress(len(rows) / len(found), f"{len(rows)}/{len(found)} ({wrong}) {row.name}")
@@ -269,10 +266,10 @@ def page(rows: Sequence[Row], folder: Path, machine: Machine) -> str:
 
 
 def _html_row(row: Row) -> str:
-    cells = zip(_OF_REPORT, (*_cells(row), messages.text(row.said, spoken.get())), strict=True)
+    cells = zip(_OF_REPORT, (*_cells(row), in_words(row.said)), strict=True)
     inner = "".join(f'<td class="{name}">{html.escape(text)}</td>' for name, text in cells)
     notes = row.kept.notes if row.kept is not None else ()
-    said = [f"{row.name}:{one.place.line}: {messages.text(one.said, spoken.get())}" for one in notes]
+    said = [f"{row.name}:{one.place.line}: {in_words(one.said)}" for one in notes]
     told = "".join(f"<li>{html.escape(one)}</li>" for one in said)
     more = f'<tr class="notes"><td></td><td colspan="6"><ul>{told}</ul></td></tr>\n' if told else ""
     return f'<tr class="{row.state}">{inner}</tr>\n{more}'

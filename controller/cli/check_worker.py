@@ -42,7 +42,7 @@ PICTURES = "pictures"  # of paths, by the name of the check
 # Behind the machine and its page, but somebody waits for it: beside two busy programs of others a nice of 15
 # got 3 % of a core, and a check of six seconds took three minutes.
 NICE = 5
-MAX_CUTS = 1000  # surfaces, holes and notes that are told one by one
+MAX_CUTS = 1000  # surfaces, holes and notes that are listed one by one
 
 Result = tuple[str, dict[str, Any]]
 Seen = tuple[checked.Task, Mapping[int, Segment]]

@@ -9,7 +9,6 @@ gives it back; hold, stop and e-stop need none, so that nobody can be in their w
 from __future__ import annotations
 
 import contextlib
-import json
 import secrets
 import time
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -19,15 +18,12 @@ import typer
 
 from controller.cli import remote, waiting
 from controller.cli.remote import Machine
-from controller.cli.speech import say, speaking
-from controller.verify.console import Refused, agreed, refusals, show, tell
+from controller.cli.speech import say
+from controller.verify.console import Refused, agreed, answered, refusals, show, tell
 
 Url = Annotated[str, typer.Option("--url", envvar="DIRECTRIX_URL")]
 TakeOver = Annotated[bool, typer.Option("--take-over")]
 Json = Annotated[bool, typer.Option("--json")]
-Axes = Annotated[list[str] | None, typer.Argument()]
-Seconds = Annotated[float | None, typer.Option("--seconds")]
-Frame = Annotated[str, typer.Option("--frame")]
 Wait = Annotated[bool, typer.Option("--wait")]
 
 REFRESH_S = 0.08  # of a jog: it comes to rest 200 ms after the last one
@@ -38,7 +34,7 @@ LONGEST_JOG_S = 600.0
 @contextlib.contextmanager
 def connected(url: str, as_json: bool) -> Iterator[Machine]:
     """The machine behind ``url``; what it refuses becomes one sentence and exit code 1."""
-    with refusals(as_json, tuple), remote.connected(url, remote.known_token()) as machine:
+    with refusals(as_json), remote.connected(url, remote.known_token()) as machine:
         yield machine
 
 
@@ -60,10 +56,8 @@ def carried_out(machine: Machine, path: str, values: Mapping[str, Any] | None = 
 
 def tell_done(sentence: str, facts: Any, as_json: bool) -> None:
     """One line, or what was answered."""
-    if as_json:
-        print(json.dumps({"ok": True, **(facts if isinstance(facts, dict) else {"result": facts})}))
-    else:
-        show.print(sentence, markup=False)
+    if not answered(as_json, **(facts if isinstance(facts, dict) else {"result": facts})):
+        show.print(sentence)
 
 
 def named(typed: Sequence[str] | None, words: Collection[str] = ()) -> dict[str, str | float]:
@@ -88,18 +82,18 @@ def _pair(typed: str, words: Collection[str]) -> tuple[str, str | float]:
 
 def start(
     program: Annotated[str, typer.Argument()] = "",
-    line: Annotated[int | None, typer.Option("--line")] = None,
-    fraction: Annotated[float | None, typer.Option("--fraction")] = None,
-    dry_run: Annotated[float | None, typer.Option("--dry-run")] = None,
-    block_delete: Annotated[bool, typer.Option("--block-delete")] = False,
-    restart: Annotated[bool, typer.Option("--restart")] = False,
-    unrecorded: Annotated[bool, typer.Option("--unrecorded")] = False,
-    worn: Annotated[bool, typer.Option("--worn")] = False,
-    yes: Annotated[bool, typer.Option("--yes")] = False,
-    wait: Wait = False,
-    take_over: TakeOver = False,
+    line: int | None = None,
+    fraction: float | None = None,
+    dry_run: float | None = None,
+    block_delete: bool = False,
+    restart: bool = False,
+    unrecorded: bool = False,
+    worn: bool = False,
+    yes: bool = False,
+    wait: bool = False,
+    take_over: bool = False,
     url: Url = remote.URL,
-    as_json: Json = False,
+    as_json: bool = False,
 ) -> None:
     """Load a program and start it: from its beginning, at a line, or where it was interrupted."""
     with connected(url, as_json) as machine:
@@ -153,18 +147,18 @@ def _interrupted(machine: Machine, program: str) -> dict[str, Any]:
 def _agreed(loaded: Any, line: int) -> None:
     """A start in mid program shows the state that it begins with, and asks."""
     for one in (loaded.get("result") or {}).get("restart") or ():
-        tell.print(one["sentence"], markup=False)
+        tell.print(one["sentence"])
     if not agreed(say("agree", line=line)):
         raise Refused(say("not_agreed"))
 
 
 def override(
-    percent: Annotated[float, typer.Argument()],
-    rapid: Annotated[bool, typer.Option("--rapid")] = False,
-    spindle: Annotated[bool, typer.Option("--spindle")] = False,
-    take_over: TakeOver = False,
+    percent: float,
+    rapid: bool = False,
+    spindle: bool = False,
+    take_over: bool = False,
     url: Url = remote.URL,
-    as_json: Json = False,
+    as_json: bool = False,
 ) -> None:
     """Scale the feed, the speed of rapids, or that of the spindle."""
     if rapid and spindle:
@@ -179,14 +173,14 @@ def override(
 
 
 def jog(
-    axis: Annotated[str, typer.Argument()],
+    axis: str,
     distance: Annotated[float | None, typer.Argument()] = None,
-    speed: Annotated[float | None, typer.Option("--speed")] = None,
-    seconds: Seconds = None,
-    frame: Frame = "joint",
-    take_over: TakeOver = False,
+    speed: float | None = None,
+    seconds: float | None = None,
+    frame: str = "joint",
+    take_over: bool = False,
     url: Url = remote.URL,
-    as_json: Json = False,
+    as_json: bool = False,
 ) -> None:
     """Move an axis by a distance, or at a speed for so many seconds; it comes to rest at its limit."""
     with connected(url, as_json) as machine:
@@ -210,7 +204,7 @@ def jog(
 
 
 def _at_limits(status: Mapping[str, Any]) -> list[str]:
-    """Names of the axes that stand at the end of their travel."""
+    """Names of the axes that are at the end of their travel."""
     return [name for name, row in (status.get("joints") or {}).items() if row["limit"]]
 
 
@@ -253,7 +247,7 @@ def _pressed(machine: Machine, where: dict[str, Any], seconds: float) -> None:
 def register(app: typer.Typer) -> None:
     """Adds these verbs to the command line; those that only ask for one thing are in ``cli.commands``."""
     for verb in (start, override):
-        app.command(verb.__name__)(speaking(verb))
+        app.command(verb.__name__)(verb)
     # A distance such as -10 is no option.
     loose = {"ignore_unknown_options": True}
-    app.command("jog", context_settings=loose)(speaking(jog))
+    app.command("jog", context_settings=loose)(jog)

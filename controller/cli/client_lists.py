@@ -18,12 +18,11 @@ from rich.live import Live
 from rich.text import Text
 
 from controller.cli import remote, status_view
-from controller.cli.client import Json, Url, connected, tell_done
+from controller.cli.client import Url, connected, tell_done
 from controller.cli.remote import Machine
-from controller.cli.speech import say, speaking
-from controller.verify.console import Refused, bar, show, tell, word
+from controller.cli.speech import say
+from controller.verify.console import Refused, answered, bar, show, tell, word
 
-Watch = Annotated[bool, typer.Option("--watch")]
 Most = Annotated[int, typer.Option("--most", min=1, max=200)]
 
 WATCH_S = 0.25  # between two looks
@@ -35,7 +34,7 @@ CHECKED = ("passed", "refused", "failed", "none")
 # --- status
 
 
-def status(watch: Watch = False, url: Url = remote.URL, as_json: Json = False) -> None:
+def status(watch: bool = False, url: Url = remote.URL, as_json: bool = False) -> None:
     """Mode, positions, feed and what limits it, time left, alarms; once, or live.
 
     Where the service is gone: what it told last, and exit code 1.
@@ -108,11 +107,7 @@ def _open_alarms(machine: Machine) -> list[dict[str, Any]]:
 
 
 def upload(
-    file: Annotated[Path, typer.Argument()],
-    name: Annotated[str, typer.Option("--name")] = "",
-    wait: Annotated[bool, typer.Option("--wait/--no-wait")] = True,
-    url: Url = remote.URL,
-    as_json: Json = False,
+    file: Path, name: str = "", wait: bool = True, url: Url = remote.URL, as_json: bool = False
 ) -> None:
     """Bring a program into the machine's store, where it is checked; it never starts by itself."""
     with connected(url, as_json) as machine:
@@ -169,10 +164,10 @@ def check_refusal(name: str, result: Mapping[str, Any]) -> str:
 
 def runs(
     most: Most = 20,
-    keep: Annotated[int | None, typer.Option("--keep")] = None,
-    release: Annotated[int | None, typer.Option("--release")] = None,
+    keep: int | None = None,
+    release: int | None = None,
     url: Url = remote.URL,
-    as_json: Json = False,
+    as_json: bool = False,
 ) -> None:
     """What was run, when, how long, and how it ended."""
     with connected(url, as_json) as machine:
@@ -184,11 +179,10 @@ def runs(
                 tell_done(say(key, number=number), done, as_json)
                 return
         found = machine.get("runs", most=most)["runs"]
-        if as_json:
-            print(json.dumps({"ok": True, "runs": found}))
+        if answered(as_json, runs=found):
             return
         for line in _runs(found) if found else (say("no_runs"),):
-            show.print(line, markup=False, soft_wrap=True)
+            show.print(line, soft_wrap=True)
 
 
 def _runs(found: list[dict[str, Any]]) -> Iterator[str]:
@@ -209,10 +203,7 @@ def _runs(found: list[dict[str, Any]]) -> Iterator[str]:
 
 
 def alarms(
-    most: Most = 20,
-    acknowledge: Annotated[int | None, typer.Option("--acknowledge")] = None,
-    url: Url = remote.URL,
-    as_json: Json = False,
+    most: Most = 20, acknowledge: int | None = None, url: Url = remote.URL, as_json: bool = False
 ) -> None:
     """What went wrong, newest first, and who has acknowledged it."""
     with connected(url, as_json) as machine:
@@ -221,8 +212,7 @@ def alarms(
             tell_done(say("acknowledged", number=acknowledge), done, as_json)
             return
         found = machine.get("alarms", most=most)["alarms"]
-        if as_json:
-            print(json.dumps({"ok": True, "alarms": found}))
+        if answered(as_json, alarms=found):
             return
         for alarm in found:
             tell_done(_alarm(alarm), None, False)
@@ -238,9 +228,3 @@ def _alarm(alarm: Mapping[str, Any]) -> str:
 
 def _when(at_s: float) -> str:
     return datetime.fromtimestamp(at_s).strftime("%Y-%m-%d %H:%M:%S")
-
-
-def register(app: typer.Typer) -> None:
-    """Adds these verbs to the command line."""
-    for verb in (status, upload, runs, alarms):
-        app.command(verb.__name__)(speaking(verb))

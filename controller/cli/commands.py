@@ -12,7 +12,7 @@ import typer
 
 from controller.cli import remote, waiting
 from controller.cli.client import Json, TakeOver, Url, Wait, carried_out, connected, tell_done
-from controller.cli.speech import say, speaking
+from controller.cli.speech import say
 from controller.commands.arguments import NEEDED, Argument, Number, Several, Switch, Whole
 from controller.commands.command import Access, Client, Command, Rest
 from controller.commands.table import ALL
@@ -27,7 +27,7 @@ def register(app: typer.Typer) -> None:
         if command.client is not None and command.rest is not None:
             loose = {"ignore_unknown_options": True} if command.client.negative else None
             made = verb(command, command.client, command.rest)
-            app.command(command.client.name, context_settings=loose)(speaking(made))
+            app.command(command.client.name, context_settings=loose)(made)
 
 
 def verb(command: Command, client: Client, rest: Rest) -> Callable[..., None]:

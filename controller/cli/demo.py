@@ -19,7 +19,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from controller import messages
 from controller.ipc import control_socket
 from controller.ipc.control_socket import Client, CommandRefused
 from controller.ipc.handoff import COLUMN
@@ -33,7 +32,7 @@ from controller.service.service import Service
 from controller.state.modes import Binding, Fault, binding_text
 from controller.store import service_store
 from controller.store.set_up_store import SPINDLE
-from controller.verify.console import Refused, bar, say, spoken
+from controller.verify.console import Refused, bar, in_words, say
 
 POLL_S = 0.5
 CALM = {"look_s": 0.1}  # of the service itself: nobody waits for what it concludes but us
@@ -53,7 +52,7 @@ class Cut:
     """What came of it; ``rows`` are those of the recorder since the start was asked for."""
 
     rows: Rows
-    result: str  # as a job's state tells it
+    result: str  # as a job's state
     fault: Fault
     sentence: str  # why it was not completed; "" where it was
     skips: int
@@ -105,7 +104,7 @@ def _sentences() -> Iterator[None]:
     try:
         yield
     except CommandRefused as error:
-        raise Refused(messages.text(error.said, spoken.get())) from error
+        raise Refused(in_words(error.said)) from error
 
 
 class Operator:
@@ -126,7 +125,7 @@ class Operator:
             look(now)
             sequence = now["sequence"] or {}
             if sequence.get("state") == "failed":
-                raise Refused(messages.text(sequence, spoken.get()))
+                raise Refused(in_words(sequence))
             answer = {"done": sequence.get("state") != "running"}
 
     def run(self, look: Callable[[Values], None]) -> tuple[Rows, Values]:
@@ -174,9 +173,9 @@ def _cut(rows: Rows, last: Values, stamps_s: dict[str, Rows]) -> Cut:
     sentence = ""
     if shown:
         kept = f" {say('cli.demo.recording', file=shown['recording'])}" if shown["recording"] else ""
-        sentence = f"{messages.text(shown, spoken.get())}{kept}"
+        sentence = f"{in_words(shown)}{kept}"
     elif job["state"] != "completed":
-        sentence = messages.text(job, spoken.get()) or say("cli.demo.ended", state=job["state"])
+        sentence = in_words(job) or say("cli.demo.ended", state=job["state"])
     return Cut(rows, job["state"], fault, sentence, last["tick"]["skips"], stamps_s)
 
 

@@ -11,29 +11,19 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from controller import messages
 from controller.api import dnc
 from controller.api.dnc import LineError, LineSettings
 from controller.api.dnc_format import Tape, TapeError, punched
 from controller.api.store import Program, Store, StoreError
+from controller.cli.speech import Verbs
 from controller.ipc import control_socket
 from controller.messages import Message, message
-from controller.verify.console import Refused, bar, refusals, say, spoken, tell
+from controller.verify.console import Refused, bar, in_words, refusals, say, tell
 
-app = typer.Typer(
-    add_completion=False,
-    no_args_is_help=True,
-)
+app = Verbs(add_completion=False, no_args_is_help=True)
 
 Port = Annotated[str, typer.Option("--port")]
-Baud = Annotated[int, typer.Option("--baud")]
 Format = Annotated[Literal["7E2", "7E1", "8N1"], typer.Option("--format")]
-Flow = Annotated[Literal["xon", "rts", "none"], typer.Option("--flow")]
-Silence = Annotated[float, typer.Option("--silence-s")]
-Wait = Annotated[float, typer.Option("--wait-s")]
-State = Annotated[Path | None, typer.Option("--state")]
-Runtime = Annotated[Path | None, typer.Option("--runtime")]
-Json = Annotated[bool, typer.Option("--json")]
 
 LINE_ENDS = {"own": None, "lf": b"\n", "crlf": b"\r\n", "cr": b"\r", "lfcrcr": b"\n\r\r"}
 BY = "serial line"
@@ -43,22 +33,22 @@ ANSWER_TIMEOUT_S = 5.0  # of the service
 @app.command()
 def receive(
     port: Port,
-    baud: Baud = 9600,
+    baud: int = 9600,
     data_format: Format = "7E2",
-    flow: Flow = "xon",
-    name: Annotated[str, typer.Option("--name")] = "",
-    forever: Annotated[bool, typer.Option("--forever")] = False,
-    silence_s: Silence = 20.0,
-    wait_s: Wait = 600.0,
-    state: State = None,
-    runtime: Runtime = None,
-    as_json: Json = False,
+    flow: Literal["xon", "rts", "none"] = "xon",
+    name: str = "",
+    forever: bool = False,
+    silence_s: float = 20.0,
+    wait_s: float = 600.0,
+    state: Path | None = None,
+    runtime: Path | None = None,
+    as_json: bool = False,
 ) -> None:
     """Take a program from the line into the store, whole or not at all; it does not start.
 
     Several that come in one go are stored by their own numbers. What was left out within a line is told.
     """
-    with refusals(as_json, lambda: (TapeError, StoreError)):
+    with refusals(as_json):
         # Who waits forever is in no hurry for the first one either.
         settings = LineSettings(port, baud, data_format, flow, silence_s, math.inf if forever else wait_s)
         settings.check()
@@ -70,7 +60,7 @@ def receive(
             except (TapeError, StoreError) as error:
                 if not forever or isinstance(error, LineError):
                     raise
-                tell.print(messages.text(error.said, spoken.get()), markup=False)
+                tell.print(in_words(error.said))
             if not forever:
                 return
 
@@ -120,29 +110,29 @@ def _in_use(state: Path, runtime: Path | None) -> Callable[[], Collection[str]]:
 
 @app.command()
 def send(
-    program: Annotated[str, typer.Argument()],
+    program: str,
     port: Port,
-    baud: Baud = 9600,
+    baud: int = 9600,
     data_format: Format = "7E2",
-    flow: Flow = "xon",
-    file: Annotated[bool, typer.Option("--file")] = False,
-    line_end: Annotated[Literal["own", "lf", "crlf", "cr", "lfcrcr"], typer.Option("--line-end")] = "own",
-    checksum: Annotated[bool, typer.Option()] = True,
-    await_start: Annotated[bool, typer.Option("--await-start")] = False,
-    silence_s: Silence = 20.0,
-    wait_s: Wait = 600.0,
-    state: State = None,
-    as_json: Json = False,
+    flow: Literal["xon", "rts", "none"] = "xon",
+    file: bool = False,
+    line_end: Literal["own", "lf", "crlf", "cr", "lfcrcr"] = "own",
+    checksum: bool = True,
+    await_start: bool = False,
+    silence_s: float = 20.0,
+    wait_s: float = 600.0,
+    state: Path | None = None,
+    as_json: bool = False,
 ) -> None:
     """Punch a program out; read back by receive it is identical."""
-    with refusals(as_json, lambda: (TapeError, StoreError)):
+    with refusals(as_json):
         settings = LineSettings(port, baud, data_format, flow, silence_s, wait_s)
         settings.check()
         text = Path(program).read_bytes() if file else _of_store(program, state)
         try:
             tape = punched(text, settings.even_parity, LINE_ENDS[line_end], with_sum=checksum)
         except TapeError as error:
-            raise Refused(f"{program}: {messages.text(error.said, spoken.get())}") from error
+            raise Refused(f"{program}: {in_words(error.said)}") from error
         with bar(say("cli.dnc.sending", port=port), as_json) as progress, dnc.opened(settings) as line:
             dnc.send(line, tape, lambda count: progress(count / len(tape)), await_start)
         _say({"program": program, "bytes": len(tape)}, "cli.dnc.sent", as_json)
@@ -156,7 +146,7 @@ def _of_store(name: str, state: Path | None) -> bytes:
 def _say(
     told: Program | dict[str, Any], done: str, as_json: bool, left_out: Collection[Message] = ()
 ) -> None:
-    sentences = [messages.text(one, spoken.get()) for one in left_out]
+    sentences = [in_words(one) for one in left_out]
     facts = (
         {"program": told.name, "bytes": told.size, "lines": told.lines, "sha256": told.sha256}
         if isinstance(told, Program)
@@ -166,6 +156,6 @@ def _say(
         more = {"left_out": sentences} if sentences else {}
         print(json.dumps({"ok": True, **facts, **more}), flush=True)
         return
-    tell.print(say(done, program=facts["program"], bytes=facts["bytes"]), markup=False)
+    tell.print(say(done, program=facts["program"], bytes=facts["bytes"]))
     for sentence in sentences:
-        tell.print(f"{facts['program']}: {sentence}", markup=False)
+        tell.print(f"{facts['program']}: {sentence}")

@@ -12,7 +12,6 @@ import typer
 
 from controller import atomic_file
 from controller.cli import new_files, toml_rows
-from controller.cli.drive_buses import EXPECTED, Json
 from controller.machine import drive_profiles
 from controller.machine.drive_profiles import MODES, NONE
 from controller.verify.console import Refused, in_words, refusals, say, show
@@ -28,14 +27,14 @@ def profile(
     eds: Annotated[Path, typer.Argument(metavar="SHEET.eds")],
     output: Annotated[Path | None, typer.Option("--output", "-o", metavar="FILE.toml")] = None,
     period_ms: Annotated[float, typer.Option("--period-ms", min=0.5, max=10.0)] = 2.0,
-    overwrite: new_files.Overwrite = False,
-    as_json: Json = False,
+    overwrite: bool = False,
+    as_json: bool = False,
 ) -> None:
     """Draft a profile for a drive that has none, from its data sheet.
 
     Notes in it say what the drive lacks and what that costs, and where only the manual knows.
     """
-    with refusals(as_json, lambda: EXPECTED):
+    with refusals(as_json):
         if output:
             new_files.target(output, overwrite, "--output", ".toml")
         about = sheet.load(str(eds), 1)
@@ -59,7 +58,7 @@ def profile(
             facts = {"eds": str(eds), "file": str(output or ""), "text": text, "remarks": remarks}
             print(json.dumps({"ok": True, **facts}))
         elif output:
-            show.print(say("cli.profile.written", file=output, name=eds.name), markup=False, soft_wrap=True)
+            show.print(say("cli.profile.written", file=output, name=eds.name), soft_wrap=True)
         else:
             print(text, end="")
 

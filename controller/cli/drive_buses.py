@@ -5,30 +5,17 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Annotated
-
-import typer
 
 from controller.cli.help_texts import CHANNEL
 from controller.machine import machine_file, nodes
 from controller.machine.model import Machine
-from controller.machine.toml_table import ConfigError
 from controller.verify.console import Refused, say
 from drives import bus as buses
 from drives import commission as commissioning
 from drives import pdo
-from drives.commissioning import sheet
 from drives.commissioning.wanted import Settings
 from drives.settings import BusSettings, MasterSettings
 
-MachineFile = Annotated[str, typer.Option("--machine")]
-OnBus = Annotated[str, typer.Option("--bus")]
-Channel = Annotated[str, typer.Option("--channel")]
-OnlyNode = Annotated[str, typer.Option("--drive")]
-Json = Annotated[bool, typer.Option("--json")]
-PeriodMs = Annotated[float | None, typer.Option("--period-ms")]
-
-EXPECTED = (ConfigError, buses.BusError, commissioning.CommissionError, sheet.SheetError)
 TIMEOUT_S = 3.0  # for an SDO answer: a drive that writes its memory, or a busy computer of simulated ones
 
 

@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from typing import Any
 
 from rich import box
-from rich.markup import escape
 from rich.table import Table
 
 from controller.verify.console import in_words, say, word
@@ -26,7 +25,7 @@ def outcomes(found: Sequence[Outcome]) -> Table:
         for change in outcome.changes:
             at = change.index, change.sub
             was, now = _value(*at, change.was), _value(*at, change.now)
-            table.add_row(outcome.name, str(outcome.node), place(*at), was, now, escape(in_words(change.why)))
+            table.add_row(outcome.name, str(outcome.node), place(*at), was, now, in_words(change.why))
         key = "drive_table.so_and_stored" if outcome.stored else "drive_table.so"
         left = say(key, count=outcome.already_so)
         table.add_row(outcome.name, str(outcome.node), "", "", "", left)
@@ -41,7 +40,7 @@ def answering(rows: Sequence[dict[str, Any]]) -> Table:
         kind = row["device_type"]
         words = [_hex(row[key]) for key in ("vendor", "product", "revision", "serial")]
         profile = "-" if kind is None else str(kind & 0xFFFF)
-        name = escape(row["name"] or say("drive_table.unknown"))
+        name = row["name"] or say("drive_table.unknown")
         table.add_row(row["bus"], str(row["node"]), name, profile, *words)
     return table
 
@@ -73,7 +72,7 @@ def dump(entries: Sequence[Entry]) -> Table:
         hexadecimal = _hex(entry.value) if isinstance(entry.value, int) and entry.value >= 0 else ""
         default = "" if entry.default is None else _value(*at, entry.default)
         shown = "" if hexadecimal == value else hexadecimal
-        table.add_row(place(*at), escape(entry.name), entry.access, escape(value), shown, default)
+        table.add_row(place(*at), entry.name, entry.access, value, shown, default)
     return table
 
 
@@ -82,7 +81,7 @@ def differences(rows: Sequence[Row], file: str) -> Table:
     table = _table("differences", "object", "name", "file", "drive", file=file)
     for row in rows:
         now = in_words(row.refused) if row.now is None else _value(*row.place, row.now)
-        table.add_row(place(*row.place), escape(row.name), escape(_value(*row.place, row.kept)), escape(now))
+        table.add_row(place(*row.place), row.name, _value(*row.place, row.kept), now)
     return table
 
 
@@ -92,7 +91,7 @@ def restored(rows: Sequence[Row]) -> Table:
     for row in rows:
         was, kept = _value(*row.place, row.now), _value(*row.place, row.kept)
         result = say("drive_table.refused", why=row.refused) if row.refused else say("drive_table.so_now")
-        table.add_row(place(*row.place), escape(row.name), escape(was), escape(kept), escape(result))
+        table.add_row(place(*row.place), row.name, was, kept, result)
     return table
 
 
@@ -101,7 +100,7 @@ def place(index: int, sub: int) -> str:
 
 
 def _table(title: str, *columns: str, **values: object) -> Table:
-    """By the keys of its title and its columns, in which ``values`` stand."""
+    """By the keys of its title and its columns, with ``values`` in them."""
     heading = say(f"drive_table.title.{title}")
     table = Table(title=heading, title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     table.pad_edge = False

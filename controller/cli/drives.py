@@ -18,22 +18,19 @@ from controller.cli import (
     simulated_drives,
     stop_drives,
 )
-from controller.cli.drive_buses import EXPECTED, Channel, Joined, Json, MachineFile, OnBus, OnlyNode, PeriodMs
-from controller.cli.speech import speaking
+from controller.cli.drive_buses import Joined
+from controller.cli.speech import Verbs
 from controller.ipc import control_socket
 from controller.machine import arrangement, drive_profiles, nodes
 from controller.machine.model import Machine
 from controller.messages import Message, is_message, message
-from controller.verify.console import Refused, Undecided, in_words, refusals, say, show, tell
+from controller.verify.console import Refused, Undecided, answered, in_words, refusals, say, show, tell
 from drives import commission as commissioning
 from drives.commissioning import identity, lss, possible, sheet, survey, twins
 from drives.commissioning.wanted import Settings
 from drives.settings import MasterSettings, NodeSettings
 
-app = typer.Typer(
-    add_completion=False,
-    no_args_is_help=True,
-)
+app = Verbs(add_completion=False, no_args_is_help=True)
 
 CHECKED_PERIOD_MS = 2.0
 
@@ -45,12 +42,12 @@ CHECKED_PERIOD_MS = 2.0
 def check(
     eds: Annotated[Path, typer.Option("--eds")],
     profile: Annotated[str, typer.Option("--profile")],
-    period_ms: Annotated[float | None, typer.Option("--period-ms")] = None,
-    bit_rate: Annotated[int, typer.Option("--bit-rate")] = 0,
-    as_json: Json = False,
+    period_ms: float | None = None,
+    bit_rate: int = 0,
+    as_json: bool = False,
 ) -> None:
     """A data sheet against a profile: objects, access, ranges, mapping, period, supervision."""
-    with refusals(as_json, lambda: EXPECTED):
+    with refusals(as_json):
         family = drive_profiles.load(profile)
         shortest_ms = max(CHECKED_PERIOD_MS, family.period_min_s * 1e3)
         period_s = _period_s(shortest_ms if period_ms is None else period_ms)
@@ -61,7 +58,7 @@ def check(
         facts = {"eds": str(eds), "profile": family.name, "period_s": period_s, "remarks": remarks}
         if not as_json:
             for remark in remarks:
-                tell.print(f"{eds.name}: {remark}", markup=False)
+                tell.print(f"{eds.name}: {remark}")
         if found:
             raise Refused(
                 "\n".join(f"{eds.name}: {sentence}." for sentence in found), **facts, problems=found
@@ -70,11 +67,9 @@ def check(
             heading = say("cli.drives.undecided", name=eds.name)
             sentences = [f"{eds.name}: {sentence}." for sentence in open_still]
             raise Undecided("\n".join((heading, *sentences)), **facts, problems=[], undecided=open_still)
-        if as_json:
-            print(json.dumps({"ok": True, **facts, "problems": []}))
-        else:
+        if not answered(as_json, **facts, problems=[]):
             title = say("cli.drives.sheet_does", name=eds.name, profile=family.name, period=period_s * 1000.0)
-            show.print(title, markup=False)
+            show.print(title)
 
 
 def _period_s(period_ms: float) -> float:
@@ -87,18 +82,17 @@ def _period_s(period_ms: float) -> float:
 
 
 @app.command()
-@speaking
 def commission(
-    machine: MachineFile = "trunnion",
-    bus: OnBus = "",
-    channel: Channel = "",
-    period_ms: PeriodMs = None,
-    store: Annotated[bool, typer.Option("--store")] = False,
-    set_node: Annotated[str, typer.Option("--set-node")] = "",
-    as_json: Json = False,
+    machine: str = "trunnion",
+    bus: str = "",
+    channel: str = "",
+    period_ms: float | None = None,
+    store: bool = False,
+    set_node: str = "",
+    as_json: bool = False,
 ) -> None:
     """Write everything that the machine file wants into its drives, read it back, and start them."""
-    with refusals(as_json, lambda: EXPECTED):
+    with refusals(as_json):
         made = drive_buses.machine(machine, period_ms)
         master = nodes.master_settings(made)
         outcomes = []
@@ -117,15 +111,15 @@ def commission(
             print(json.dumps({"ok": True, "machine": made.name, "lss": given, "drives": rows}))
         else:
             if given:
-                show.print(say("cli.drives.node_set", set_node=set_node, node=given["node"]), markup=False)
+                show.print(say("cli.drives.node_set", set_node=set_node, node=given["node"]))
             for outcome in outcomes:
                 for warning in outcome.warnings:
                     sentence = say("sentence", text=commissioning.of_drive(outcome, warning))
-                    tell.print(sentence, markup=False)
+                    tell.print(sentence)
             show.print(drive_tables.outcomes(outcomes))
         for one in found:
             for note in one.notes if not as_json else ():
-                tell.print(in_words(note), markup=False)
+                tell.print(in_words(note))
 
 
 def _in_words(tree: Any) -> Any:
@@ -143,7 +137,7 @@ def _keep(machine: Machine, found: Sequence[commissioning.Arranged]) -> None:
     try:
         arrangement.save(folder, machine, found)
     except OSError as error:
-        tell.print(say("cli.drives.not_kept", folder=folder, why=error), markup=False)
+        tell.print(say("cli.drives.not_kept", folder=folder, why=error))
 
 
 def _set_node(joined: Sequence[Joined], name: str, store: bool) -> dict[str, Any]:
@@ -173,12 +167,9 @@ def _identity(node: Settings) -> lss.Identity | None:
 
 
 @app.command()
-@speaking
-def scan(
-    machine: MachineFile = "trunnion", bus: OnBus = "", channel: Channel = "", as_json: Json = False
-) -> None:
+def scan(machine: str = "trunnion", bus: str = "", channel: str = "", as_json: bool = False) -> None:
     """Every node 1 .. 127 that answers, with its identity, beside what the machine file expects."""
-    with refusals(as_json, lambda: EXPECTED):
+    with refusals(as_json):
         made = drive_buses.machine(machine)
         rows: list[dict[str, Any]] = []
         missing: list[str] = []
@@ -203,8 +194,7 @@ def scan(
             sentences.append(say("cli.drives.silent", names=", ".join(missing)))
         if sentences:
             raise Refused("\n".join(sentences), **facts)
-        if as_json:
-            print(json.dumps({"ok": True, **facts}))
+        answered(as_json, **facts)
 
 
 def _twins(joined: Joined, found: Sequence[survey.Found]) -> Iterator[Message]:
@@ -232,46 +222,32 @@ def _strangers(joined: Joined, found: Sequence[survey.Found]) -> Iterator[Messag
 
 
 @app.command()
-@speaking
 def status(
-    machine: MachineFile = "trunnion",
-    bus: OnBus = "",
-    channel: Channel = "",
-    drive: OnlyNode = "",
-    as_json: Json = False,
+    machine: str = "trunnion", bus: str = "", channel: str = "", drive: str = "", as_json: bool = False
 ) -> None:
     """How the drives are: NMT and power state, mode, position, errors. Changes nothing."""
-    with refusals(as_json, lambda: EXPECTED):
+    with refusals(as_json):
         made = drive_buses.machine(machine)
         found: list[survey.Status] = []
         with drive_buses.joined(made, bus, channel, drive) as joined:
             for each in joined:
                 found += survey.status(each.network, each.nodes)
-        if as_json:
-            print(json.dumps({"ok": True, "machine": made.name, "drives": [asdict(one) for one in found]}))
-        else:
+        if not answered(as_json, machine=made.name, drives=[asdict(one) for one in found]):
             show.print(drive_tables.status(found))
 
 
 @app.command()
-@speaking
 def dump(
-    drive: Annotated[str, typer.Argument()],
-    machine: MachineFile = "trunnion",
-    bus: OnBus = "",
-    channel: Channel = "",
-    as_json: Json = False,
+    drive: str, machine: str = "trunnion", bus: str = "", channel: str = "", as_json: bool = False
 ) -> None:
     """Every object of one drive as it is now, beside the data sheet's default. Changes nothing."""
-    with refusals(as_json, lambda: EXPECTED):
+    with refusals(as_json):
         made = drive_buses.machine(machine)
         with drive_buses.joined(made, bus, channel, drive) as joined:
             entries = [
                 entry for each in joined for node in each.nodes for entry in survey.dump(each.network, node)
             ]
-        if as_json:
-            print(json.dumps({"ok": True, "drive": drive, "objects": [_entry(entry) for entry in entries]}))
-        else:
+        if not answered(as_json, drive=drive, objects=[_entry(entry) for entry in entries]):
             show.print(drive_tables.dump(entries))
 
 
@@ -283,7 +259,7 @@ def _entry(entry: survey.Entry) -> dict[str, Any]:
 
 app.command("profile")(drafted_profile.profile)
 app.command("save")(kept_drives.save)
-app.command("restore")(speaking(kept_drives.restore))
-app.command("compare")(speaking(kept_drives.compare))
+app.command("restore")(kept_drives.restore)
+app.command("compare")(kept_drives.compare)
 app.command("stop")(stop_drives.stop)
 app.command("simulate")(simulated_drives.simulate)

@@ -5,15 +5,10 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Literal
-
-import typer
+from typing import Literal
 
 from controller.cli import fitted as fittings
-from controller.cli.fitted import Fitted
-from controller.cli.speech import speaking
 from controller.machine import machine_file
-from controller.machine.toml_table import ConfigError
 from controller.plan.report import explained
 from controller.plan.report.explained import Step
 from controller.program import blocks, linked, position
@@ -21,19 +16,18 @@ from controller.verify import tables
 from controller.verify.console import Refused, refusals, say, spoken
 
 
-@speaking
 def explain(
-    program: Annotated[Path, typer.Argument()],
-    machine: Annotated[str, typer.Option("--machine")] = "trunnion",
-    dialect: Annotated[Literal["rs274", "fanuc"] | None, typer.Option("--dialect")] = None,
-    fitted: Fitted = None,
-    as_json: Annotated[bool, typer.Option("--json")] = False,
+    program: Path,
+    machine: str = "trunnion",
+    dialect: Literal["rs274", "fanuc"] | None = None,
+    fitted: Path | None = None,
+    as_json: bool = False,
 ) -> None:
     """Print the canonical motions of a program, one per line; nothing is planned and nothing moves.
 
     Positions are those at the end of each, from the homed position on: of the program, then of the axes.
     """
-    with refusals(as_json, lambda: (ConfigError, OSError)):
+    with refusals(as_json):
         made = fittings.laid(machine_file.load(machine), fitted)
         made = replace(made, dialect=dialect) if dialect else made
         if not program.is_file():

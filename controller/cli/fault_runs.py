@@ -12,7 +12,7 @@ from controller.runtime import simulation
 from controller.runtime.startup import SessionError
 from controller.runtime.stepped import SteppedMachine
 from controller.verify import console
-from controller.verify.console import Misunderstood, Refused, say, spoken
+from controller.verify.console import Misunderstood, Refused, in_words, say
 from drives.commission import CommissionError
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ def read(file: Path | None, origin: str, machine: Machine) -> MachineScript | No
     try:
         return simulation.script(file, machine)
     except simulation.ScriptError as error:
-        why = messages.text(messages.of_error(error), spoken.get())
+        why = in_words(messages.of_error(error))
         raise Misunderstood(f"{why}.") from error
 
 
@@ -54,7 +54,7 @@ class FaultRun:
             self._bench.come_up()
         except (SessionError, CommissionError) as error:  # the latter: a drive no longer answers
             self._bench.stand_still()
-            why = messages.text(messages.of_error(error), spoken.get())
+            why = in_words(messages.of_error(error))
             raise self.ended(why, result="fault", **self.facts()) from error
 
     def ended(self, sentence: str, **facts: Any) -> Refused:
@@ -85,9 +85,9 @@ class FaultRun:
 
 def show(faults: Mapping[str, Any]) -> None:
     """For people: what was done, what was raised, how far the motors were off, when they stood."""
-    console.show.print(_table(faults), markup=False)
+    console.show.print(_table(faults))
     for line in _last(faults):
-        console.show.print(line, markup=False)
+        console.show.print(line)
 
 
 def _table(faults: Mapping[str, Any]) -> Table:

@@ -16,28 +16,21 @@ from controller import messages
 from controller.ipc import control_socket
 from controller.machine import arrangement, machine_file
 from controller.machine.arrangement import Found
-from controller.machine.toml_table import ConfigError
 from controller.state import stop_times
 from controller.state.modes import FAULTS, Fault, Times, stands_within_s
 from controller.verify.console import refusals, show, spoken
 from drives.arranged import Arranged
 from drives.texts import filled
 
-MachineArgument = Annotated[str, typer.Argument()]
-State = Annotated[Path | None, typer.Option("--state")]
-Json = Annotated[bool, typer.Option("--json")]
-
 Texts = Mapping[str, str]
-INDENT = (0, 0, 0, 4)  # columns of what stands under a fault's name
+INDENT = (0, 0, 0, 4)  # columns of what is under a fault's name
 
 
 def faults(
-    machine: MachineArgument = "trunnion",
-    state: State = None,
-    as_json: Json = False,
+    machine: Annotated[str, typer.Argument()] = "trunnion", state: Path | None = None, as_json: bool = False
 ) -> None:
     """Every fault: its class, what happened, what to do, and within which time the axes stand."""
-    with refusals(as_json, lambda: (ConfigError,)):
+    with refusals(as_json):
         said = messages.of(spoken.get()).texts
         made = machine_file.load(machine)
         found = arrangement.load((state or control_socket.state_folder()) / arrangement.FOLDER, made)

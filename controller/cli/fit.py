@@ -6,46 +6,37 @@ import json
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
-from typing import Annotated
 
-import typer
 from rich.table import Table
 
 from controller.cli import workers
-from controller.cli.speech import speaking
 from controller.geometry.defects import DefectKind, defect
 from controller.machine import machine_file
 from controller.machine.model import Machine
-from controller.machine.toml_table import ConfigError
 from controller.plan.surfaces.cuts import described, surface_of
 from controller.program import blocks, linked
 from controller.program.program import CutCone, CutNurbs, CutRuled
 from controller.verify import fits, tables
 from controller.verify.console import Refused, bar, refusals, say, show
-
-Argument = Annotated[Path, typer.Argument()]
-Tolerance = Annotated[float, typer.Option("--tolerance")]
-MachineFile = Annotated[str, typer.Option("--machine")]
-Json = Annotated[bool, typer.Option("--json")]
+from controller.workers import Workers
 
 MIN_MM, MAX_MM = 1e-4, 10.0
 FIT_S = 5.0  # that one surface takes, about
 
 
-@speaking
 def fit(
-    program: Argument,
-    tolerance: Tolerance = 0.01,
-    machine: MachineFile = "trunnion",
+    program: Path,
+    tolerance: float = 0.01,
+    machine: str = "trunnion",
     count: workers.Count = 0,
     cluster: workers.Cluster = "",
-    as_json: Json = False,
+    as_json: bool = False,
 ) -> None:
     """For each surface the largest radius, free and of the tool table, and the placement that keep it.
 
     As check and verify judge its cut with its leads, alone: they see its neighbours, too.
     """
-    with refusals(as_json, lambda: (ConfigError,)):
+    with refusals(as_json):
         made = machine_file.load(machine)
         if not MIN_MM <= tolerance <= MAX_MM:
             raise Refused(say("table.no_tolerance", tolerance=tolerance, least=MIN_MM, most=MAX_MM))
@@ -55,9 +46,9 @@ def fit(
         if not asked:
             raise Refused(say("table.no_surface", program=program))
         found = []
-        with workers.spread(count, cluster) as spread, bar(say("cli.bar.fitting"), as_json) as progress:
+        with Workers(count, cluster) as crew, bar(say("cli.bar.fitting"), as_json) as progress:
             fitted = partial(fits.fit, tools=made.tools, tolerance_mm=tolerance)
-            for one, best in zip(asked, spread(fitted, asked, FIT_S), strict=True):
+            for one, best in zip(asked, crew.each(fitted, asked, FIT_S), strict=True):
                 found.append((one, best))
                 progress(len(found) / len(asked))
         if as_json:
@@ -74,10 +65,10 @@ def fit(
         show.print(_table(found, tolerance))
         for one, row in ((one, row) for one, best in found for row in best if row.why):
             cutter = say(f"table.cutter.{row.kind}")
-            show.print(say("table.no_cutter", line=one.line, cutter=cutter, why=row.why), markup=False)
+            show.print(say("table.no_cutter", line=one.line, cutter=cutter, why=row.why))
 
 
-def _surfaces(program: Path, machine: Machine) -> Iterator[fits.Asked]:
+def _surfaces(program: Path, machine: Machine) -> Iterator[fits.SurfaceToFit]:
     """The surfaces of a program; raises ProgramError where one is none that could be cut."""
     name = str(program)
     text = linked.linked(program.read_bytes(), linked.beside(program), machine)
@@ -87,14 +78,14 @@ def _surfaces(program: Path, machine: Machine) -> Iterator[fits.Asked]:
             wrong = defect(surface)
             if wrong is not None and wrong.kind is not DefectKind.TWIST:
                 raise place.refusal(name, described(block, wrong))
-            yield fits.Asked(block, machine)
+            yield fits.SurfaceToFit(block, machine)
 
 
 def _finite(value: float) -> float | None:
     return value if value < 1e9 else None
 
 
-def _table(found: list[tuple[fits.Asked, list[fits.Best]]], tolerance: float) -> Table:
+def _table(found: list[tuple[fits.SurfaceToFit, list[fits.Best]]], tolerance: float) -> Table:
     heads = ("line", "cutter", "radius", "placement", "off", "of_table")
     table = tables.headed("table.fits", heads, ("cutter", "placement", "of_table"), tolerance=1e3 * tolerance)
     for one, best in found:

@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
-
-import typer
+from typing import Any
 
 from controller.machine import setup_data
 from controller.machine.model import Machine
 from controller.store import set_up_store
 from controller.verify.console import say
-
-Fitted = Annotated[Path | None, typer.Option("--fitted")]
 
 
 def laid(machine: Machine, fitted: Path | None) -> Machine:

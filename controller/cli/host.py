@@ -18,26 +18,23 @@ from controller.cli.host_lines import Line
 from controller.cli.host_measure import Measured
 from controller.cli.host_view import Host
 from controller.cli.installation import STATE
+from controller.cli.speech import Verbs
 from controller.machine import machine_file
 from controller.machine.model import Machine
 from controller.machine.toml_table import ConfigError
 from controller.runtime import wake_ups
-from controller.verify.console import Misunderstood, bar, refusals, say, show, spoken, tell
+from controller.verify.console import Misunderstood, bar, in_words, refusals, say, show, tell
 from drives import bus
 from drives.bus import BusError
 
-app = typer.Typer(add_completion=False, no_args_is_help=True)
+app = Verbs(add_completion=False, no_args_is_help=True)
 
-Root = Annotated[Path, typer.Option("--root")]
-Json = Annotated[bool, typer.Option("--json")]
-MachineFile = Annotated[str | None, typer.Option("--machine")]
-PeriodMs = Annotated[float | None, typer.Option("--period-ms")]
 USUAL_S = 60.0  # of a measurement where nothing is said
 LONGEST_S = 31 * 24 * 3600.0
 
 
 @app.command()
-def check(root: Root = Path("/"), as_json: Json = False) -> None:
+def check(root: Path = Path("/"), as_json: bool = False) -> None:
     """What this computer lacks to hold 1 ms and 0.5 ms: what was found, what is good, what to write where.
 
     It changes nothing. Exit code 1 when something that is needed is not good or cannot be seen.
@@ -50,7 +47,7 @@ def check(root: Root = Path("/"), as_json: Json = False) -> None:
         print(json.dumps({"ok": not failed, "failed": len(failed), "hints": hints, "lines": told}))
     else:
         for row in (row for one in lines for row in host_lines.text_rows(one)):
-            show.print(row, markup=False, soft_wrap=True)
+            show.print(row, soft_wrap=True)
         tell.print(_summed(lines, len(failed)))
     if failed:
         raise typer.Exit(1)
@@ -63,21 +60,21 @@ def _summed(lines: Sequence[Line], failed: int) -> str:
 
 @app.command()
 def measure(
-    machine: MachineFile = None,
-    hours: Annotated[float | None, typer.Option("--hours")] = None,
-    seconds: Annotated[float | None, typer.Option("--seconds")] = None,
-    period_ms: PeriodMs = None,
+    machine: str | None = None,
+    hours: float | None = None,
+    seconds: float | None = None,
+    period_ms: float | None = None,
     report: Annotated[Path, typer.Option("--report", metavar="FILE")] = Path("host.html"),
-    send_sync: Annotated[bool, typer.Option("--send-sync")] = False,
-    state: Annotated[Path, typer.Option("--state")] = STATE,
-    as_json: Json = False,
+    send_sync: bool = False,
+    state: Path = STATE,
+    as_json: bool = False,
 ) -> None:
     """How late this computer wakes the tick, for hours: histogram and percentiles as a page to publish.
 
     Wake-ups, SYNC and cyclictest take turns on the same core. Beside a running machine its own SYNCs are
     heard, and nothing is sent. Exit code 1 when the period is not held.
     """
-    with refusals(as_json, lambda: ()):
+    with refusals(as_json):
         lasts_s = _lasts_s(hours, seconds)
         if not os.access(report.absolute().parent, os.W_OK):
             raise Misunderstood(_say("no_folder", folder=report.absolute().parent))
@@ -87,7 +84,7 @@ def measure(
             made = made if period_ms is None else machine_file.with_period(made, period_ms / 1e3)
             found = _measured(made, host, lasts_s, send_sync, state, as_json)
         except (ConfigError, BusError) as error:
-            raise Misunderstood(messages.text(messages.of_error(error), spoken.get())) from error
+            raise Misunderstood(in_words(messages.of_error(error))) from error
         lines = host_findings.look(host)
         atomic_file.write(report, host_report.page(found, lines, host))
         _tell(found, report, as_json)
@@ -125,7 +122,7 @@ def _measured(
             raise Misunderstood(_say("nothing_measured"))
         if running:
             found, before = Measured(machine.period_s, host.core), host.tick_faults()
-            host_measure.listen(found, seconds, echoes, progress)
+            found.listen(seconds, echoes, progress)
             found.tick, after = self_test.running_tick(state), host.tick_faults()
             found.minor_faults, found.major_faults = after[0] - before[0], after[1] - before[1]
             return found
@@ -135,7 +132,7 @@ def _measured(
             ending.enter_context(contextlib.closing(bus.open(one, ()))) for one in buses if one.name in echoes
         ]
         found = Measured(machine.period_s, host.core_for(wake_ups.may_be_real_time()))
-        host_measure.run(found, seconds, echoes, senders, progress)
+        found.run(seconds, echoes, senders, progress)
         return found
 
 
@@ -146,10 +143,10 @@ def _tell(found: Measured, report: Path, as_json: bool) -> None:
     for kind, name, counts in found.rows():
         figures: dict[str, Any] = host_measure.figures(counts, found.limit_s)
         values = {key.replace(".", "_"): value for key, value in figures.items()}
-        show.print(host_report.name_of(kind, name), markup=False)
-        show.print(f"  {_say('figures', **values)}", markup=False, soft_wrap=True)
-    tell.print(host_report.verdict(found), markup=False)
-    tell.print(_say("written", file=report), markup=False)
+        show.print(host_report.name_of(kind, name))
+        show.print(f"  {_say('figures', **values)}", soft_wrap=True)
+    tell.print(host_report.verdict(found))
+    tell.print(_say("written", file=report))
 
 
 def _say(key: str, **values: object) -> str:

@@ -22,6 +22,8 @@ PROGRAM = "cyclictest"  # Debian: rt-tests
 SHORTEST_TURN_S = 10.0
 MAX_TURNS = 200  # of each kind; what is kept of one is three numbers
 GUARD_S = 1.0  # for which a bus is heard before SYNC is sent on it
+SHARES = (0.5, 0.99, 0.999, 0.9999, 0.99999)
+Heard = Callable[[float], None]  # of the share that is done
 ROW = re.compile(r"^(\d+)\s+(\d+)\s*$", re.M)
 SUMMED = re.compile(r"^# (Max Latencies|Histogram Overflows):\s*(\d+)", re.M)
 VERSION = re.compile(r"V\s*([\d.]+)")
@@ -92,8 +94,53 @@ class Measured:
             ],
         }
 
+    def run(
+        self, seconds: float, echoes: Mapping[str, Echoes], senders: Sequence[bus.Port], heard: Heard
+    ) -> None:
+        """Turns for ``seconds`` in all; Ctrl-C ends it, with what was found until then."""
+        self.syncs = {name: echo.off for name, echo in echoes.items()}
+        kinds = ["late", *(["sync"] if senders else []), *([PROGRAM] if shutil.which(PROGRAM) else [])]
+        rounds, turn_s = turns(seconds, len(kinds))
+        with contextlib.suppress(KeyboardInterrupt):
+            self.whole = False
+            for done in range(rounds):
+                for k, kind in enumerate(kinds):
+                    heard((done + k / len(kinds)) / rounds)
+                    self.turn(kind, turn_s, list(echoes.values()), senders)
+                    self.ran_s += turn_s
+            self.whole = True
 
-SHARES = (0.5, 0.99, 0.999, 0.9999, 0.99999)
+    def listen(self, seconds: float, echoes: Mapping[str, Echoes], heard: Heard) -> None:
+        """Beside a running machine: its SYNCs alone."""
+        self.syncs, self.from_tick, self.whole = {name: one.off for name, one in echoes.items()}, True, False
+        for one in echoes.values():
+            one.begin()
+        with contextlib.suppress(KeyboardInterrupt):
+            while (left_s := seconds - self.ran_s) > 0.0:
+                heard(self.ran_s / seconds)
+                wake_ups.listen(list(echoes.values()), min(left_s, 1.0))
+                self.ran_s += min(left_s, 1.0)
+            self.whole = True
+
+    def turn(self, kind: str, seconds: float, echoes: Sequence[Echoes], senders: Sequence[bus.Port]) -> None:
+        """One of a kind, counted."""
+        if kind == PROGRAM:
+            self.other = self.other or Histogram()
+            self.other_version = cyclictest(self.period_s, seconds, self.core, self.other)
+            return
+        own = Histogram()
+        try:
+            if kind == "sync":
+                given = wake_ups.sync_turn(self.period_s, seconds, senders, echoes, self.core)
+            else:
+                given = wake_ups.turn(self.period_s, seconds, own, self.core)
+            self.real_time = self.real_time and given.real_time
+            self.minor_faults += given.minor_faults
+            self.major_faults += given.major_faults
+        finally:
+            self.late.merge(own)
+        if kind == "late":
+            self.course.append(Turn(self.ran_s + seconds, own.worst_s, own.over(self.limit_s)))
 
 
 def figures(counts: Histogram, limit_s: float) -> dict[str, Any]:
@@ -103,70 +150,11 @@ def figures(counts: Histogram, limit_s: float) -> dict[str, Any]:
     return found | {"worst_us": round(1e6 * counts.worst_s, 1), "over": counts.over(limit_s)}
 
 
-Heard = Callable[[float], None]  # of the share that is done
-
-
-def run(
-    found: Measured,
-    seconds: float,
-    echoes: Mapping[str, Echoes],
-    senders: Sequence[bus.Port],
-    heard: Heard,
-) -> None:
-    """Turns for ``seconds`` in all; Ctrl-C ends it, with what was found until then."""
-    found.syncs = {name: echo.off for name, echo in echoes.items()}
-    kinds = ["late", *(["sync"] if senders else []), *([PROGRAM] if shutil.which(PROGRAM) else [])]
-    rounds, turn_s = turns(seconds, len(kinds))
-    with contextlib.suppress(KeyboardInterrupt):
-        found.whole = False
-        for done in range(rounds):
-            for k, kind in enumerate(kinds):
-                heard((done + k / len(kinds)) / rounds)
-                _turn(found, kind, turn_s, list(echoes.values()), senders)
-                found.ran_s += turn_s
-        found.whole = True
-
-
-def listen(found: Measured, seconds: float, echoes: Mapping[str, Echoes], heard: Heard) -> None:
-    """Beside a running machine: its SYNCs alone."""
-    found.syncs, found.from_tick, found.whole = {name: one.off for name, one in echoes.items()}, True, False
-    for one in echoes.values():
-        one.begin()
-    with contextlib.suppress(KeyboardInterrupt):
-        while (left_s := seconds - found.ran_s) > 0.0:
-            heard(found.ran_s / seconds)
-            wake_ups.listen(list(echoes.values()), min(left_s, 1.0))
-            found.ran_s += min(left_s, 1.0)
-        found.whole = True
-
-
 def turns(seconds: float, kinds: int) -> tuple[int, float]:
     """(rounds, length of a turn in s), so that rounds are bounded however long it takes."""
     each_s = seconds / kinds
     rounds = min(max(round(each_s / SHORTEST_TURN_S), 1), MAX_TURNS)
     return rounds, each_s / rounds
-
-
-def _turn(
-    found: Measured, kind: str, seconds: float, echoes: Sequence[Echoes], senders: Sequence[bus.Port]
-) -> None:
-    if kind == PROGRAM:
-        found.other = found.other or Histogram()
-        found.other_version = cyclictest(found.period_s, seconds, found.core, found.other)
-        return
-    own = Histogram()
-    try:
-        if kind == "sync":
-            given = wake_ups.sync_turn(found.period_s, seconds, senders, echoes, found.core)
-        else:
-            given = wake_ups.turn(found.period_s, seconds, own, found.core)
-        found.real_time = found.real_time and given.real_time
-        found.minor_faults += given.minor_faults
-        found.major_faults += given.major_faults
-    finally:
-        found.late.merge(own)
-    if kind == "late":
-        found.course.append(Turn(found.ran_s + seconds, own.worst_s, own.over(found.limit_s)))
 
 
 def is_silent(echoes: Mapping[str, Echoes]) -> bool:
@@ -198,4 +186,4 @@ def count_of(printed: str, into: Histogram) -> None:
         into.put(int(microseconds), int(count))
     summed = {name: int(value) for name, value in SUMMED.findall(printed)}
     into.put(wake_ups.BINS, summed.get("Histogram Overflows", 0))
-    into.worst_s = max(into.worst_s, 1e-6 * summed.get("Max Latencies", 0))
+    into.reach(1e-6 * summed.get("Max Latencies", 0))

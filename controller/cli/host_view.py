@@ -17,7 +17,7 @@ from controller.runtime import cores
 
 TICK_NAME, PUMP_NAME = "directrix-tick", "directrix-pump"  # as `ps` shows them
 CAN_TYPE = "280"  # of an interface, ARPHRD_CAN
-MINOR, MAJOR, PRIORITY, POLICY = 7, 9, 37, 38  # columns of /proc/PID/stat behind the name
+MINOR, MAJOR, PRIORITY, POLICY = 7, 9, 37, 38  # columns of /proc/PID/stat after the name
 FIFO = "1"  # SCHED_FIFO there
 CPU = "sys/devices/system/cpu"
 GRUB_FILE = "/etc/default/grub.d/directrix.cfg"

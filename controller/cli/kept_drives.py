@@ -12,32 +12,27 @@ from typing import Annotated, Any
 import typer
 
 from controller.cli import drive_buses, drive_tables
-from controller.cli.drive_buses import EXPECTED, Channel, Json, MachineFile, OnBus
 from controller.machine import nodes
-from controller.verify.console import Refused, in_words, refusals, say, show, tell
+from controller.verify.console import Refused, answered, in_words, refusals, say, show, tell
 from drives import commission as commissioning
 from drives.commissioning import dcf, setup, sheet
 from drives.commissioning.remote import NMT_PRE_OPERATIONAL
 from drives.commissioning.wanted import Settings
 
 DriveName = Annotated[str, typer.Argument(metavar="X")]
-Address = Annotated[bool, typer.Option("--address")]
 File = Annotated[Path, typer.Argument(metavar="FILE.dcf")]
 
 
 def save(
     drive: DriveName,
     file: File,
-    machine: MachineFile = "trunnion",
-    bus: OnBus = "",
-    channel: Channel = "",
-    as_json: Json = False,
+    machine: str = "trunnion",
+    bus: str = "",
+    channel: str = "",
+    as_json: bool = False,
 ) -> None:
     """Write what is set up in a drive into a file, for the one that replaces it. Changes nothing in it."""
-    with (
-        refusals(as_json, lambda: EXPECTED),
-        _one(machine, bus, channel, drive) as (settings, here, rate),
-    ):
+    with refusals(as_json), _one(machine, bus, channel, drive) as (settings, here, rate):
         values, failed = setup.read(here)
         counts = {say(f"setup.{why}"): count for why, count in setup.beside(here).items()}
         about = sheet.own(settings.eds, settings.node, sheet.known_of(settings))
@@ -49,29 +44,24 @@ def save(
             return
         for row in failed:
             tell.print(
-                say("cli.kept.unread", place=drive_tables.place(row.index, row.sub), refused=row.refused),
-                markup=False,
+                say("cli.kept.unread", place=drive_tables.place(row.index, row.sub), refused=row.refused)
             )
         kinds = ", ".join(f"{count} {why}" for why, count in sorted(counts.items()))
         one = {"name": settings.name, "node": settings.node, "count": len(values)}
-        show.print(
-            say("cli.kept.saved", file=file, left=kinds or say("cli.nothing"), **one),
-            markup=False,
-            soft_wrap=True,
-        )
+        show.print(say("cli.kept.saved", file=file, left=kinds or say("cli.nothing"), **one), soft_wrap=True)
 
 
 def compare(
     drive: DriveName,
     file: File,
-    machine: MachineFile = "trunnion",
-    bus: OnBus = "",
-    channel: Channel = "",
-    address: Address = False,
-    as_json: Json = False,
+    machine: str = "trunnion",
+    bus: str = "",
+    channel: str = "",
+    address: bool = False,
+    as_json: bool = False,
 ) -> None:
     """What is set up in a drive against a file: the differences only; exit code 1 where there are any."""
-    with refusals(as_json, lambda: EXPECTED):
+    with refusals(as_json):
         kept = dcf.read(file)
         with _one(machine, bus, channel, drive) as (settings, here, _):
             setup.belongs(here, kept)
@@ -83,30 +73,25 @@ def compare(
             one = {"name": settings.name, "node": settings.node, "file": kept.name}
             counts = {"count": len(rows), "all": len(kept.values)}
             raise Refused(say("cli.kept.differs", **one, **counts), **facts)
-        if as_json:
-            print(json.dumps({"ok": True, **facts}))
-        else:
-            show.print(
-                say("cli.kept.as_it_says", name=settings.name, node=settings.node, file=kept.name),
-                markup=False,
-            )
+        if not answered(as_json, **facts):
+            show.print(say("cli.kept.as_it_says", name=settings.name, node=settings.node, file=kept.name))
 
 
 def restore(
     drive: DriveName,
     file: File,
-    machine: MachineFile = "trunnion",
-    bus: OnBus = "",
-    channel: Channel = "",
-    store: Annotated[bool, typer.Option("--store")] = False,
-    address: Address = False,
-    as_json: Json = False,
+    machine: str = "trunnion",
+    bus: str = "",
+    channel: str = "",
+    store: bool = False,
+    address: bool = False,
+    as_json: bool = False,
 ) -> None:
     """Put a set-up back into a drive that is off: what differs is written and read back.
 
     Without --address node id and bit rate stay. The drive is left pre-operational; commission it next.
     """
-    with refusals(as_json, lambda: EXPECTED):
+    with refusals(as_json):
         kept = dcf.read(file)
         with _one(machine, bus, channel, drive, alone=True) as (settings, here, _):
             setup.belongs(here, kept)
@@ -124,12 +109,10 @@ def restore(
             one = {"name": settings.name, "node": settings.node, "file": kept.name}
             counts = {"count": len(refused), "all": len(rows)}
             raise Refused(say("cli.kept.not_taken", **one, **counts), **facts)
-        if as_json:
-            print(json.dumps({"ok": True, **facts}))
-        else:
+        if not answered(as_json, **facts):
             key = "cli.kept.stored" if here.outcome.stored else "cli.kept.restored"
             told = {"name": settings.name, "file": kept.name, "count": len(rows)}
-            show.print(say(key if rows else "cli.kept.was_so", **told), markup=False)
+            show.print(say(key if rows else "cli.kept.was_so", **told))
 
 
 @contextlib.contextmanager

@@ -79,17 +79,15 @@ def others() -> list[str]:
 # -- the list of all that is there
 
 
-def sbom(
-    output: Annotated[Path | None, typer.Argument()] = None,
-) -> None:
+def sbom(output: Annotated[Path | None, typer.Argument()] = None) -> None:
     """List all packages of this installation, as CycloneDX (JSON); to a file, or printed."""
-    with refusals(False, lambda: ()):
+    with refusals(False):
         text = json.dumps(bill(), indent=1) + "\n"
         if output is None:
             print(text, end="")
             return
         atomic_file.write(output.absolute(), text)
-        show.print(say("cli.service.sbom", output=output), markup=False)
+        show.print(say("cli.service.sbom", output=output))
 
 
 def bill() -> dict[str, Any]:

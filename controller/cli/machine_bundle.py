@@ -13,54 +13,50 @@ import typer
 
 from controller import atomic_file
 from controller.cli import new_files
-from controller.cli.drive_buses import Json
 from controller.cli.new_machine import new
+from controller.cli.speech import Verbs
 from controller.machine import machine_file
 from controller.machine.named_files import PROFILES, SHEETS
-from controller.machine.toml_table import ConfigError, read_text
-from controller.verify.console import Refused, refusals, say, show
+from controller.machine.toml_table import read_text
+from controller.verify.console import Refused, answered, refusals, say, show
 
-app = typer.Typer(add_completion=False, no_args_is_help=True)
+app = Verbs(add_completion=False, no_args_is_help=True)
 
 app.command("new")(new)
 
-EXPECTED = (ConfigError,)
 SEAL = "# sha256 of all above: "
 MACHINE_FILE = "machine.toml"
-NAMES = ("name", "number", "object")  # what rows of a table are told apart by
-
-MachineName = Annotated[str, typer.Argument(metavar="MACHINE")]
+NAMES = ("name", "number", "object")  # what rows of a table are distinguished by
 
 
 @app.command()
 def pack(
-    machine: MachineName,
+    machine: Annotated[str, typer.Argument(metavar="MACHINE")],
     output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE.toml")],
-    overwrite: new_files.Overwrite = False,
-    as_json: Json = False,
+    overwrite: bool = False,
+    as_json: bool = False,
 ) -> None:
     """Write a machine as one sealed file: its tools, data sheets and profiles are in it."""
-    with refusals(as_json, lambda: EXPECTED):
+    with refusals(as_json):
         new_files.target(output, overwrite, "--output", ".toml")
         made = machine_file.load(machine)
         text = sealed(machine_file.alone(made))
         atomic_file.write(output, text)
         files = [name for name, _ in _files(text)]
-        if as_json:
-            print(json.dumps({"ok": True, "machine": made.name, "file": str(output), "files": files}))
+        if answered(as_json, machine=made.name, file=str(output), files=files):
             return
         facts = {"name": made.name, "file": output, "files": ", ".join(files) or say("cli.nothing")}
-        show.print(say("cli.machine.packed", **facts), markup=False, soft_wrap=True)
+        show.print(say("cli.machine.packed", **facts), soft_wrap=True)
 
 
 @app.command()
 def unpack(
     packed: Annotated[Path, typer.Argument(metavar="FILE.toml")],
     folder: Annotated[Path, typer.Argument(metavar="FOLDER")],
-    as_json: Json = False,
+    as_json: bool = False,
 ) -> None:
     """Lay a packed machine, or one from a record or back-up, out as a folder to work in."""
-    with refusals(as_json, lambda: EXPECTED):
+    with refusals(as_json):
         text = unsealed(read_text(packed), packed)
         made = machine_file.read(text, packed.name)
         if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
@@ -80,17 +76,17 @@ def unpack(
             print(json.dumps({"ok": True, **facts}))
             return
         row = say("cli.machine.unpacked", name=made.name, folder=folder, files=", ".join(files))
-        show.print(row, markup=False, soft_wrap=True)
+        show.print(row, soft_wrap=True)
 
 
 @app.command()
 def diff(
     old: Annotated[str, typer.Argument(metavar="OLD")],
     new: Annotated[str, typer.Argument(metavar="NEW")],
-    as_json: Json = False,
+    as_json: bool = False,
 ) -> None:
     """Compare two machines key by key, tools, sheets and profiles too; exit code 1 where they differ."""
-    with refusals(as_json, lambda: EXPECTED):
+    with refusals(as_json):
         before, after = (dict(_values(_alone(one))) for one in (old, new))
         places = dict.fromkeys((*before, *after))
         rows = [(place, before.get(place), after.get(place)) for place in places]
@@ -99,9 +95,9 @@ def diff(
             found = [{"key": place, "old": was, "new": now} for place, was, now in changes]
             print(json.dumps({"ok": not found, "differences": found}))
         for place, was, now in () if as_json else changes:
-            show.print(f"{place}: {_shown(was)} -> {_shown(now)}", markup=False, soft_wrap=True)
+            show.print(f"{place}: {_shown(was)} -> {_shown(now)}", soft_wrap=True)
         if not changes and not as_json:
-            show.print(say("cli.machine.same"), markup=False)
+            show.print(say("cli.machine.same"))
         if changes:
             raise typer.Exit(1)
 
@@ -135,7 +131,7 @@ def _alone(machine: str) -> dict[str, Any]:
 
 
 def _values(tree: Mapping[str, Any], where: str = "") -> Iterator[tuple[str, Any]]:
-    """Place and value of each key; the rows of a table are told apart by their name, number or object."""
+    """Place and value of each key; the rows of a table are distinguished by their name, number or object."""
     for key, value in tree.items():
         if isinstance(value, Mapping):
             yield from _values(value, f"{where}[{key}] ")

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import json
-
 from controller.machine.model import Machine
 from controller.runtime.bus_load import overload
-from controller.verify.console import Refused, in_words, say, show, tell
+from controller.verify.console import Refused, answered, in_words, say, show, tell
 
 
 def sheets(machine: Machine, quiet: bool) -> list[str]:
@@ -19,7 +17,7 @@ def sheets(machine: Machine, quiet: bool) -> list[str]:
         raise Refused(whole, sheets=[in_words(problem) for problem in problems])
     if not quiet:
         for warning in warned:
-            tell.print(say("sentence", text=warning), markup=False)
+            tell.print(say("sentence", text=warning))
     return [in_words(warning) for warning in warned]
 
 
@@ -35,9 +33,8 @@ def alone(machine: Machine, warned: list[str], as_json: bool) -> None:
     if why := overload(machine):
         raise Refused(in_words(why))
     told = warnings(machine)
-    if as_json:
-        print(json.dumps({"ok": True, "machine": machine.name, "sheets": warned, "warnings": told}))
+    if answered(as_json, machine=machine.name, sheets=warned, warnings=told):
         return
     for sentence in told:
-        tell.print(sentence, markup=False)
-    show.print(say("machine.sound", machine=machine.name), markup=False)
+        tell.print(sentence)
+    show.print(say("machine.sound", machine=machine.name))

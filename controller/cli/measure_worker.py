@@ -21,7 +21,7 @@ from typing import Any
 
 from controller.calibration.refusal import Refusal
 from controller.cli import measurements
-from controller.cli.measurements import Asked
+from controller.cli.measurements import Inputs
 from controller.machine import machine_file, setup_data
 from controller.machine.toml_table import ConfigError
 from controller.messages import of_error
@@ -54,12 +54,12 @@ def evaluated(job: Mapping[str, Any]) -> dict[str, Any]:
         text = bytes(linked.linked(Path(job["program"]).read_bytes(), linked.among(files), machine))
     recording = Path(job["recording"]) if job["recording"] else None
     given = (job["values"], job["table"], job["file"], recording, text, job["name"])
-    found = measurements.EVALUATE[name](Asked(machine, *given))
+    found = measurements.EVALUATE[name](Inputs(machine, *given))
     edited = found.edit(machine_file.alone(setup_data.noted(state))) if found.edit is not None else None
     return {"told": found.told, "machine_file": edited, "picture": _picture(found)}
 
 
-def _picture(found: measurements.Found) -> str | None:
+def _picture(found: measurements.Result) -> str | None:
     """PNG as base64; None where nothing is drawn, or nothing is there to draw with."""
     if found.draw is None:
         return None

@@ -45,7 +45,7 @@ Values = Mapping[str, Any]
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
+class Inputs:
     """What is evaluated; ``values`` as ``measurements.complete`` gives them."""
 
     machine: Machine
@@ -58,15 +58,15 @@ class Asked:
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
-    """What is told; the edit of a machine file; a picture (PNG), drawn into a file."""
+class Result:
+    """What is reported; the edit of a machine file; a picture (PNG), drawn into a file."""
 
     told: dict[str, Any]
     edit: Callable[[str], str] | None = None
     draw: Callable[[Path | IO[bytes]], None] | None = None
 
 
-def rotaries(asked: Asked) -> Found:
+def rotaries(asked: Inputs) -> Result:
     """Raises Refusal."""
     made, values = asked.machine, asked.values
     touches = touch_table.read(asked.table, made, asked.file)
@@ -77,10 +77,10 @@ def rotaries(asked: Asked) -> Found:
     advice = positions.advise(fit.machine, sphere, probe, add, done=touches) if add else None
     told = rotary_report.report(fit, made, advice)
     rotary_report.refuse_large(told, values["max_mm"], values["max_deg"])
-    return Found(told, lambda text: machine_edit.rotaries(text, fit.machine))
+    return Result(told, lambda text: machine_edit.rotaries(text, fit.machine))
 
 
-def to_probe(asked: Asked) -> Found:
+def to_probe(asked: Inputs) -> Result:
     """Positions of the rotaries, and what bounds they would leave. Raises Refusal."""
     made, values = asked.machine, asked.values
     x, y, z = (values[f"centre_{axis}"] for axis in "xyz")
@@ -97,10 +97,10 @@ def to_probe(asked: Asked) -> Found:
         axis.name: {"um": 1e3 * mm, "deg": math.degrees(rad)}
         for axis, (mm, rad) in zip(axes, advice.bounds, strict=True)
     }
-    return Found({"positions_deg": rows, "bounds": bounds})
+    return Result({"positions_deg": rows, "bounds": bounds})
 
 
-def axis(asked: Asked) -> Found:
+def axis(asked: Inputs) -> Result:
     """By ISO 230-2. Raises Refusal."""
     made, name = asked.machine, asked.values["axis"]
     its = next((one for one in made.axes if one.name == name), None)
@@ -110,10 +110,10 @@ def axis(asked: Asked) -> Found:
     table = axis_accuracy.table(runs, its)
     told = {**axis_accuracy.report(runs, its), "table": table}
     draw = partial(pictures.axis, runs, name, "deg" if its.is_rotary else "mm")
-    return Found(told, lambda text: machine_edit.pitch(text, its, table), draw)
+    return Result(told, lambda text: machine_edit.pitch(text, its, table), draw)
 
 
-def circle(asked: Asked) -> Found:
+def circle(asked: Inputs) -> Result:
     """By ISO 230-4. Raises Refusal."""
     trace, axes = _trace(asked), asked.values["axes"]
     if len(axes) != 2 or not set(axes) <= set(trace.axes) & set("XYZ"):
@@ -122,18 +122,18 @@ def circle(asked: Asked) -> Found:
     command, actual = trace.joint_command[:, pair], trace.joint_actual[:, pair]
     found = list(circular_test.circles(command, actual, trace.line))
     names = (axes[0], axes[1])
-    return Found(circular_test.report(found, names), draw=partial(pictures.circle, found, names))
+    return Result(circular_test.report(found, names), draw=partial(pictures.circle, found, names))
 
 
-def tip(asked: Asked) -> Found:
+def tip(asked: Inputs) -> Result:
     """By ISO 10791-6. Raises Refusal."""
     trace, made = _trace(asked), asked.machine
     rows = (trace.joint_command, trace.joint_actual, trace.line)
     found = five_axis_test.stands(made, kinematics_of(made), asked.values["length"], *rows)
-    return Found(five_axis_test.report(found), draw=partial(pictures.tip, found))
+    return Result(five_axis_test.report(found), draw=partial(pictures.tip, found))
 
 
-def _trace(asked: Asked) -> traces.Trace:
+def _trace(asked: Inputs) -> traces.Trace:
     """Raises Refusal where it is none."""
     if asked.recording is None:
         raise Refusal("no_recording")
@@ -145,7 +145,7 @@ def _trace(asked: Asked) -> traces.Trace:
         raise Refusal("bad_recording", why=str(error)) from error
 
 
-def part(asked: Asked) -> Found:
+def part(asked: Inputs) -> Result:
     """Raises Refusal."""
     free, offset = asked.values["free"], asked.values["offset"]
     if not set(free) <= set(DOFS) or len(set(free)) < len(free) or not free:
@@ -153,10 +153,10 @@ def part(asked: Asked) -> Found:
     found, touches = _part(asked, free)
     told = {"offset": offset, **part_fit.report(found, touches)}
     values = offset_of(told)
-    return Found(told, lambda text: machine_edit.offset(text, offset, values))
+    return Result(told, lambda text: machine_edit.offset(text, offset, values))
 
 
-def thermal(asked: Asked) -> Found:
+def thermal(asked: Inputs) -> Result:
     """By how much the machine has moved since a reference was where its offset says. Raises Refusal.
 
     What is told of X Y Z is where the tool is too far: a reference that seems to lie lower is touched with a
@@ -169,7 +169,7 @@ def thermal(asked: Asked) -> Found:
     told = part_fit.report(found, touches)
     kept = {name: told[name] for name in ("scatter_um", "bounds", "before_um", "after_um", "touches")}
     facts = {"shift_before_mm": list(known), "shift_mm": shift, **kept}
-    return Found(facts, partial(machine_edit.thermal, shift=shift))
+    return Result(facts, partial(machine_edit.thermal, shift=shift))
 
 
 def offset_of(told: Values) -> dict[str, list[float]]:
@@ -177,17 +177,17 @@ def offset_of(told: Values) -> dict[str, list[float]]:
     return {"origin_mm": told["origin_mm"], "turned_deg": told["turned_deg"]}
 
 
-def inspect(asked: Asked) -> Found:
+def inspect(asked: Inputs) -> Result:
     """Raises Refusal; ProgramError of a program that cannot be planned."""
     found, touches = _part(asked, "")
     told = part_fit.report(found, touches)
     predicted = _predicted(asked)
     for row in told["touches"]:
         row["predicted_um"] = _at(predicted.get(row["feature"]), row["u"], row["v"])
-    return Found(told)
+    return Result(told)
 
 
-def points(asked: Asked) -> Found:
+def points(asked: Inputs) -> Result:
     """Where to probe a surface, out of the cutter's side, part frame. Raises Refusal."""
     surfaces, sides = _surfaces(asked)
     values = asked.values
@@ -198,10 +198,10 @@ def points(asked: Asked) -> Found:
     for u, v, place, normal in features.places(surfaces[line], values["along"], values["across"]):
         out = [sides[line] * c + 0.0 for c in normal]
         rows.append({"u": u, "v": v, "point_mm": [c + 0.0 for c in place], "normal": out})
-    return Found({"feature": f"line {line}", "points": rows})
+    return Result({"feature": f"line {line}", "points": rows})
 
 
-def _part(asked: Asked, free: str) -> tuple[part_fit.PartFit, touch_table.Touches]:
+def _part(asked: Inputs, free: str) -> tuple[part_fit.PartFit, touch_table.Touches]:
     offset, made = asked.values["offset"], asked.machine
     if offset not in OFFSETS:
         raise Refusal("no_offset", offset=offset)
@@ -211,7 +211,7 @@ def _part(asked: Asked, free: str) -> tuple[part_fit.PartFit, touch_table.Touche
     return part_fit.fit(touches, names, made, made.offset(OFFSETS.index(offset)).frame, free), touches
 
 
-def _surfaces(asked: Asked) -> tuple[dict[int, Surface], dict[int, float]]:
+def _surfaces(asked: Inputs) -> tuple[dict[int, Surface], dict[int, float]]:
     """By line: the surfaces of a program in its part frame, and on which side of each the cutter is."""
     found: dict[int, Surface] = {}
     sides: dict[int, float] = {}
@@ -221,7 +221,7 @@ def _surfaces(asked: Asked) -> tuple[dict[int, Surface], dict[int, float]]:
     return found, sides
 
 
-def _predicted(asked: Asked) -> dict[str, Any]:
+def _predicted(asked: Inputs) -> dict[str, Any]:
     """By ``line N`` the deviations (um) that the plan's own cut leaves, v by u on an even grid."""
     task = checked.task(asked.text, asked.program, replace(asked.machine, gouge="warn"))
     watched = Watched(checked.path_of(task, checked.chosen_for(task, lambda share: None)).items)
@@ -250,7 +250,7 @@ def _at(rows: Any, u: float | None, v: float | None) -> float | None:
     return None if math.isnan(value) else value
 
 
-EVALUATE: Mapping[str, Callable[[Asked], Found]] = {
+EVALUATE: Mapping[str, Callable[[Inputs], Result]] = {
     "rotaries": rotaries,
     "positions": to_probe,
     "axis": axis,

@@ -4,13 +4,8 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from controller.verify.console import Refused, say
-
-Overwrite = Annotated[bool, typer.Option("--overwrite")]
 
 
 def target(out: Path, overwrite: bool, option: str, suffix: str = "") -> Path:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import tomllib
 from collections.abc import Iterator, Mapping
@@ -14,11 +13,9 @@ import typer
 
 from controller import atomic_file
 from controller.cli import new_files, toml_rows
-from controller.cli.drive_buses import Json
 from controller.machine import drive_profiles, keys, machine_file
 from controller.machine.named_files import SHIPPED
-from controller.machine.toml_table import ConfigError
-from controller.verify.console import Refused, refusals, say, show
+from controller.verify.console import Refused, answered, refusals, say, show
 
 Tree = dict[str, Any]
 
@@ -70,26 +67,39 @@ class Answers:
     spindle: str
     equipment: list[str]
 
+    def ask(self) -> None:
+        """One after the other, what was given as an option as the default."""
+        for kind in KINDS:
+            head = (SHIPPED / f"{kind}.toml").read_text(encoding="utf-8").partition("\n")[0]
+            show.print(f"  {kind:12} {head.strip('# ')}")
+        self.kind = _prompt("kind", self.kind)
+        self.interface = _prompt("interface", self.interface)
+        self.profile = _prompt("profile", self.profile, ", ".join(drive_profiles.shipped()))
+        self.eds = _prompt("eds", self.eds)
+        self.spindle = _prompt("spindle", self.spindle, ", ".join(SPINDLES))
+        parts = _prompt("with", " ".join(self.equipment), ", ".join(EQUIPMENT))
+        self.equipment = parts.replace(",", " ").split()
+
 
 def new(
     file: Annotated[Path, typer.Argument(metavar="FILE.toml")],
-    kind: Annotated[str, typer.Option("--kind")] = "trunnion",
-    interface: Annotated[str, typer.Option("--interface")] = "virtual",
-    profile: Annotated[str, typer.Option("--profile")] = "simulated",
+    kind: str = "trunnion",
+    interface: str = "virtual",
+    profile: str = "simulated",
     eds: Annotated[str, typer.Option("--eds", metavar="SHEET.eds")] = "",
-    spindle: Annotated[str, typer.Option("--spindle")] = "hand",
+    spindle: str = "hand",
     equipment: Annotated[list[str] | None, typer.Option("--with")] = None,
     put: Annotated[list[str] | None, typer.Option("--set", metavar="TABLE.KEY=VALUE")] = None,
-    ask: Annotated[bool, typer.Option("--ask")] = False,
-    overwrite: new_files.Overwrite = False,
-    as_json: Json = False,
+    ask: bool = False,
+    overwrite: bool = False,
+    as_json: bool = False,
 ) -> None:
     """Write a machine file that checks, from answers: asked for with --ask, or given as options."""
-    with refusals(as_json, lambda: (ConfigError,)):
+    with refusals(as_json):
         new_files.target(file, overwrite, "FILE.toml", ".toml")
         answers = Answers(kind, interface, profile, eds, spindle, equipment or [])
         if ask:
-            _ask(answers)
+            answers.ask()
         tree = _tree(answers, file)
         if ask:
             _ask_axes(tree)
@@ -104,10 +114,8 @@ def new(
         whole = text if "tool" in tree else _with_tools(text)
         machine_file.read(whole, file.name, file.resolve().parent)
         atomic_file.write(file, text)
-        if as_json:
-            print(json.dumps({"ok": True, "file": str(file), "machine": tree["machine"]["name"]}))
-            return
-        show.print(say("cli.machine.new", file=file), markup=False, soft_wrap=True)
+        if not answered(as_json, file=str(file), machine=tree["machine"]["name"]):
+            show.print(say("cli.machine.new", file=file), soft_wrap=True)
 
 
 def _with_tools(text: str) -> str:
@@ -116,20 +124,6 @@ def _with_tools(text: str) -> str:
 
 
 # ---- answers
-
-
-def _ask(answers: Answers) -> None:
-    """One after the other, what was given as an option as the default."""
-    for kind in KINDS:
-        head = (SHIPPED / f"{kind}.toml").read_text(encoding="utf-8").partition("\n")[0]
-        show.print(f"  {kind:12} {head.strip('# ')}", markup=False)
-    answers.kind = _prompt("kind", answers.kind)
-    answers.interface = _prompt("interface", answers.interface)
-    answers.profile = _prompt("profile", answers.profile, ", ".join(drive_profiles.shipped()))
-    answers.eds = _prompt("eds", answers.eds)
-    answers.spindle = _prompt("spindle", answers.spindle, ", ".join(SPINDLES))
-    parts = _prompt("with", " ".join(answers.equipment), ", ".join(EQUIPMENT))
-    answers.equipment = parts.replace(",", " ").split()
 
 
 def _ask_axes(tree: Tree) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Any
 from urllib.parse import quote
@@ -11,25 +10,23 @@ import typer
 from rich.table import Table
 
 from controller.cli import remote, speech
-from controller.cli.client import Json, TakeOver, Url, connected, named
-from controller.cli.speech import speaking
-from controller.verify.console import Refused, say, show
+from controller.cli.client import Url, connected, named
+from controller.verify.console import Refused, answered, say, show
 
 EVERY = Mapping[str, str | float]
 
 
-@speaking
 def offsets(
     name: Annotated[str, typer.Argument()] = "",
-    origin: Annotated[str, typer.Option("--origin")] = "",
-    turned: Annotated[str, typer.Option("--turned")] = "",
-    rotary: Annotated[list[str] | None, typer.Option("--rotary")] = None,
-    touch: Annotated[list[str] | None, typer.Option("--touch")] = None,
-    tool: Annotated[int | None, typer.Option("--tool")] = None,
-    forget: Annotated[str | None, typer.Option("--forget")] = None,
-    take_over: TakeOver = False,
+    origin: str = "",
+    turned: str = "",
+    rotary: list[str] | None = None,
+    touch: list[str] | None = None,
+    tool: int | None = None,
+    forget: str | None = None,
+    take_over: bool = False,
     url: Url = remote.URL,
-    as_json: Json = False,
+    as_json: bool = False,
 ) -> None:
     """Show offsets, shift, reference points and kept parameters, and where each comes from; set an offset."""
     if not name and (origin or turned or rotary or touch or tool):
@@ -51,9 +48,7 @@ def offsets(
             with machine.control(take_over):
                 machine.delete(f"offsets/{quote(forget, safe='')}")
         found = machine.get("offsets")
-        if as_json:
-            print(json.dumps({"ok": True, **found}))
-        else:
+        if not answered(as_json, **found):
             show.print(table(found))
 
 

@@ -7,41 +7,34 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from controller import journald, messages
+from controller import journald
 from controller.ipc import control_socket
 from controller.runtime import cores
-from controller.verify.console import Refused, refusals, say, spoken, tell
+from controller.verify.console import Refused, in_words, refusals, say, tell
 
 if TYPE_CHECKING:
     from controller.api.store import Store
 
-Host = Annotated[str, typer.Option("--host")]
-Port = Annotated[int, typer.Option("--port", min=0, max=65535)]
-State = Annotated[Path | None, typer.Option("--state")]
-Runtime = Annotated[Path | None, typer.Option("--runtime")]
-Certificate = Annotated[Path | None, typer.Option("--tls-certificate")]
-Key = Annotated[Path | None, typer.Option("--tls-key")]
-Proxy = Annotated[str, typer.Option("--proxy")]
 
 CLOSE_S = 3  # for requests under way, at the end
 
 
 def panel(
-    host: Host = "127.0.0.1",
-    port: Port = 8080,
-    state: State = None,
-    runtime: Runtime = None,
-    tls_certificate: Certificate = None,
-    tls_key: Key = None,
-    proxy: Proxy = "",
-    page: Annotated[bool, typer.Option("--page/--no-page")] = True,
+    host: str = "127.0.0.1",
+    port: Annotated[int, typer.Option("--port", min=0, max=65535)] = 8080,
+    state: Path | None = None,
+    runtime: Path | None = None,
+    tls_certificate: Path | None = None,
+    tls_key: Path | None = None,
+    proxy: str = "",
+    page: bool = True,
     anybody_stops: Annotated[bool, typer.Option("--anybody-may-stop")] = False,
 ) -> None:
     """Serve programs, status and control of a machine over HTTP; it may end and come back at any time."""
     from controller.cli import panel_users
 
     journald.use()
-    with refusals(False, panel_users.expected):
+    with refusals(False):
         try:
             from controller.api.access import is_loopback
             from controller.api.connections import Connections, Limits, raise_file_limit
@@ -54,14 +47,12 @@ def panel(
             if file is not None and not file.is_file():
                 raise Refused(say("cli.panel.no_certificate", file=file))
         if (lost := store.users.lost) is not None:
-            tell.print(messages.text(lost, spoken.get()), markup=False)
+            tell.print(in_words(lost))
             store.report(lost)
         socket = control_socket.control_path(runtime or control_socket.runtime_folder())
         cores.leave()
         connections = Connections(Limits.within(raise_file_limit()))
-        tell.print(
-            say("cli.panel.serves", host=host, port=port, socket=socket, folder=store.folder), markup=False
-        )
+        tell.print(say("cli.panel.serves", host=host, port=port, socket=socket, folder=store.folder))
         connections.serve(
             _app(store, socket, page, anybody_stops, tls_certificate is not None),
             host=host,

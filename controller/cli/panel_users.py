@@ -10,37 +10,25 @@ import re
 import sys
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Literal
 
 import typer
 from rich.table import Table
 
-from controller import messages
-from controller.cli.speech import speaking
+from controller.cli.speech import Verbs
 from controller.ipc import control_socket
-from controller.verify.console import Refused, refusals, say, show, spoken
+from controller.verify.console import Refused, in_words, refusals, say, show
 
 if TYPE_CHECKING:
     from controller.api.store import Store
 
-users = typer.Typer(no_args_is_help=True)
-tokens = typer.Typer(no_args_is_help=True)
+users = Verbs(no_args_is_help=True)
+tokens = Verbs(no_args_is_help=True)
 
-Name = Annotated[str, typer.Argument()]
-Role = Annotated[Literal["view", "operate", "set_up"], typer.Option("--role")]
-Days = Annotated[float | None, typer.Option("--days")]
-State = Annotated[Path | None, typer.Option("--state")]
 
 NAME = re.compile(r"[A-Za-z0-9_.@-]{1,40}")
 MAX_DAYS = 3650.0
 DAY_S = 86400.0
-
-
-def expected() -> tuple[type[Exception], ...]:
-    """What a user can mend."""
-    from controller.api.database import StoreError
-
-    return (StoreError,)
 
 
 def store_in(folder: Path) -> Store:
@@ -51,9 +39,11 @@ def store_in(folder: Path) -> Store:
 
 
 @users.command("add")
-def add_user(name: Name, role: Role = "set_up", state: State = None) -> None:
+def add_user(
+    name: str, role: Literal["view", "operate", "set_up"] = "set_up", state: Path | None = None
+) -> None:
     """Add a user, or give one another password and role. The password is asked for, or read from a pipe."""
-    with refusals(False, expected):
+    with refusals(False):
         store = store_in(state or control_socket.state_folder())
         _check(name)
         first = not store.users.all()
@@ -64,10 +54,9 @@ def add_user(name: Name, role: Role = "set_up", state: State = None) -> None:
 
 
 @users.command("list")
-@speaking
-def list_users(state: State = None) -> None:
+def list_users(state: Path | None = None) -> None:
     """Users and their roles."""
-    with refusals(False, expected):
+    with refusals(False):
         table = Table(say("table.user"), say("table.role"), box=None, pad_edge=False)
         for user in store_in(state or control_socket.state_folder()).users.all():
             table.add_row(user.name, user.role)
@@ -75,17 +64,22 @@ def list_users(state: State = None) -> None:
 
 
 @users.command("remove")
-def remove_user(name: Name, state: State = None) -> None:
+def remove_user(name: str, state: Path | None = None) -> None:
     """Remove a user; without any, only this computer is answered again."""
-    with refusals(False, expected):
+    with refusals(False):
         store_in(state or control_socket.state_folder()).users.remove(name)
-        show.print(say("cli.users.removed", name=name), markup=False)
+        show.print(say("cli.users.removed", name=name))
 
 
 @tokens.command("add")
-def add_token(name: Name, role: Role = "operate", days: Days = None, state: State = None) -> None:
+def add_token(
+    name: str,
+    role: Literal["view", "operate", "set_up"] = "operate",
+    days: float | None = None,
+    state: Path | None = None,
+) -> None:
     """Make a token for a script and print it; it is shown only here."""
-    with refusals(False, expected):
+    with refusals(False):
         from controller.api.users import new_token
 
         store = store_in(state or control_socket.state_folder())
@@ -99,10 +93,9 @@ def add_token(name: Name, role: Role = "operate", days: Days = None, state: Stat
 
 
 @tokens.command("list")
-@speaking
-def list_tokens(state: State = None) -> None:
+def list_tokens(state: Path | None = None) -> None:
     """Tokens by name; not what they are."""
-    with refusals(False, expected):
+    with refusals(False):
         heads = (say(f"table.{head}") for head in ("token", "role", "made_by", "until"))
         table = Table(*heads, box=None, pad_edge=False)
         for token in store_in(state or control_socket.state_folder()).users.tokens():
@@ -111,11 +104,11 @@ def list_tokens(state: State = None) -> None:
 
 
 @tokens.command("remove")
-def remove_token(name: Name, state: State = None) -> None:
+def remove_token(name: str, state: Path | None = None) -> None:
     """Its script is refused from now on."""
-    with refusals(False, expected):
+    with refusals(False):
         store_in(state or control_socket.state_folder()).users.remove_token(name)
-        show.print(say("cli.users.removed", name=name), markup=False)
+        show.print(say("cli.users.removed", name=name))
 
 
 def _until(expires_s: float | None) -> str:
@@ -137,7 +130,7 @@ def _password(name: str) -> str:
     else:
         password = sys.stdin.readline().rstrip("\r\n")
     if (why := passwords.check(password, [name])) is not None:
-        raise Refused(messages.text(why, spoken.get()))
+        raise Refused(in_words(why))
     return password
 
 

@@ -2,46 +2,34 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
-import typer
 from rich.table import Table
 
 from controller import atomic_file
 from controller.cli import new_files
-from controller.cli.new_files import Overwrite
-from controller.cli.speech import speaking
 from controller.geometry.arrays import Array
 from controller.machine import machine_file
 from controller.machine.model import Tool
-from controller.machine.toml_table import ConfigError
 from controller.motion.motions import SurfaceCut
 from controller.plan.report import survey
 from controller.plan.segment import PathItem
 from controller.post.chords import Form, poses
-from controller.post.text import Asked, post
+from controller.post.text import PostOptions, post
 from controller.program import blocks, linked
 from controller.program.program import CutBlock
 from controller.runtime import checked
 from controller.verify import passes, tables
 from controller.verify.audit import Watched
-from controller.verify.console import Refused, bar, refusals, say, show
+from controller.verify.console import Refused, answered, bar, refusals, say, show
 from controller.verify.judge import Zone, judge
 from controller.verify.nominal import Nominal
 from controller.verify.sweep import Pass
-
-Argument = Annotated[Path, typer.Argument()]
-Chord = Annotated[float, typer.Option("--chord")]
-Out = Annotated[Path | None, typer.Option("--out")]
-Exact = Annotated[bool, typer.Option("--exact")]
-MachineFile = Annotated[str, typer.Option("--machine")]
-Json = Annotated[bool, typer.Option("--json")]
 
 LONGER_MM = 0.2  # of the cutter's end, for the comparison
 SAME_MM = 0.02  # a tip so near to the nearest is there, too
@@ -69,16 +57,16 @@ class Row:
 
 
 def post_(
-    program: Argument,
-    chord: Chord = 0.01,
-    out: Out = None,
-    overwrite: Overwrite = False,
-    exact: Exact = False,
-    machine: MachineFile = "trunnion",
-    as_json: Json = False,
+    program: Path,
+    chord: float = 0.01,
+    out: Path | None = None,
+    overwrite: bool = False,
+    exact: bool = False,
+    machine: str = "trunnion",
+    as_json: bool = False,
 ) -> None:
     """Write a program as five-axis G1 lines within a chord tolerance, and compare the two."""
-    with refusals(as_json, lambda: (ConfigError,)):
+    with refusals(as_json):
         if not 0.0 < chord < math.inf:
             raise Refused(say("cli.not_above_0", name="--chord", value=chord))
         if not program.is_file():
@@ -94,15 +82,8 @@ def post_(
             rows, texts = _compared(task, files, chord, exact, progress)
         for file, text in texts.items():
             atomic_file.write(file, text)
-        if as_json:
-            print(json.dumps({"ok": True, "chord_mm": chord, "rows": [row.to_dict() for row in rows]}))
-            return
-        show.print(_table(program, chord, exact, rows))
-
-
-def register(app: typer.Typer) -> None:
-    """The module has the name of the command."""
-    app.command("post")(speaking(post_))
+        if not answered(as_json, chord_mm=chord, rows=[row.to_dict() for row in rows]):
+            show.print(_table(program, chord, exact, rows))
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,7 +120,7 @@ def _compared(
     progress(0.3)
     texts = {}
     for k, (form, file) in enumerate(files.items()):
-        asked = Asked(task.machine, task.kinematics, form, chord, _offset(task), not exact)
+        asked = PostOptions(task.machine, task.kinematics, form, chord, _offset(task), not exact)
         text = post(ours.items, zip(fitted.orders, fitted.tools, strict=True), asked)
         again = checked.task(text.encode(), str(file), task.machine)
         texts[file] = text

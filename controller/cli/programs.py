@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-import json
 import sys
 import time
 from collections.abc import Sequence
@@ -15,11 +13,9 @@ import typer
 
 from controller import messages
 from controller.cli import fitted as fittings
-from controller.cli import machine_check, speech, workers
-from controller.cli.fitted import Fitted
+from controller.cli import machine_check, workers
 from controller.machine import machine_file
 from controller.machine.model import Joints, Machine
-from controller.machine.toml_table import ConfigError
 from controller.motion.motions import SurfaceCut
 from controller.plan.report import stored
 from controller.plan.report.picture import Picture, Shape
@@ -31,7 +27,6 @@ from controller.program.program import ProgramError, refused_on_the_way
 from controller.runtime import checked, recording, records, starts
 from controller.runtime import events as event_files
 from controller.runtime.bus_load import overload
-from controller.runtime.startup import SessionError
 from controller.state import queue_refusals, setpoint_counts
 from controller.state.live_state import Snapshot
 from controller.state.modes import Fault
@@ -39,8 +34,10 @@ from controller.verify import tables, wording
 from controller.verify.console import (
     AS_ASKED,
     Refused,
+    answered,
     bar,
     ended_as_requested,
+    in_words,
     refusals,
     say,
     show,
@@ -48,7 +45,7 @@ from controller.verify.console import (
     tell,
 )
 from controller.verify.tables import Rows
-from controller.workers import Spread
+from controller.workers import Spread, Workers
 
 if TYPE_CHECKING:
     from controller.cli.fault_runs import FaultRun
@@ -57,31 +54,8 @@ if TYPE_CHECKING:
     from controller.runtime.stepped import Run, SteppedMachine
     from controller.verify.trace import Trace
 
-ProgramFile = Annotated[Path, typer.Argument()]
-MachineFile = Annotated[str, typer.Option("--machine")]
-Json = Annotated[bool, typer.Option("--json")]
-BlockDelete = Annotated[bool, typer.Option("--block-delete")]
-Gouge = Annotated[Literal["refuse", "warn"] | None, typer.Option("--gouge")]
-Dialect = Annotated[Literal["rs274", "fanuc"] | None, typer.Option("--dialect")]
-PeriodMs = Annotated[float | None, typer.Option("--period-ms")]
-
-Store = Annotated[Path | None, typer.Option("--store")]
-Unchecked = Annotated[bool, typer.Option("--unchecked")]
 
 PARTS = {"cone": "example1_ready", "ruled": "example2_ready"}
-
-
-def _refusals(as_json: bool) -> contextlib.AbstractContextManager[None]:
-    """Turns what a user can mend into one sentence and exit code 1."""
-    return refusals(as_json, _expected)
-
-
-def _expected() -> tuple[type[Exception], ...]:
-    """Drives are imported where they are needed: ``check`` does without."""
-    from drives.bus import BusError
-    from drives.commission import CommissionError
-
-    return ConfigError, SessionError, event_files.EventError, records.NoRecord, BusError, CommissionError
 
 
 # --- what several commands need ------------------------------------------------
@@ -108,7 +82,7 @@ def _notes(notes: Sequence[Note], machine: Machine) -> dict[str, Any]:
 
 def _budget_or_refuse(machine: Machine) -> None:
     if why := overload(machine):
-        raise Refused(messages.text(why, spoken.get()))
+        raise Refused(in_words(why))
 
 
 def _read(file: Path, machine: Machine) -> bytes:
@@ -141,7 +115,7 @@ def _stored_check(task: checked.Task, store: Path | None, as_json: bool) -> stor
     """The stored check of what is to be run, if there is a sound one."""
     kept, warning = checked.find(task, store or stored.folder())
     if warning and not as_json:
-        tell.print(messages.text(messages.plain(warning), spoken.get()), markup=False)
+        tell.print(in_words(messages.plain(warning)))
     return kept
 
 
@@ -154,25 +128,19 @@ def _length_mm(segments: dict[int, Segment]) -> float:
 # --- check ---------------------------------------------------------------------
 
 
-@speech.speaking
 def check(
-    program: Annotated[
-        Path | None,
-        typer.Argument(
-            metavar="[PROGRAM|DIR]",
-        ),
-    ] = None,
-    machine: Annotated[str, typer.Option("--machine")] = "",
-    gouge: Gouge = None,
-    block_delete: BlockDelete = False,
-    dialect: Dialect = None,
-    fitted: Fitted = None,
-    store: Store = None,
+    program: Annotated[Path | None, typer.Argument(metavar="[PROGRAM|DIR]")] = None,
+    machine: str = "",
+    gouge: Literal["refuse", "warn"] | None = None,
+    block_delete: bool = False,
+    dialect: Literal["rs274", "fanuc"] | None = None,
+    fitted: Path | None = None,
+    store: Path | None = None,
     report: Annotated[Path | None, typer.Option("--report", metavar="FILE")] = None,
-    plot: Annotated[Path | None, typer.Option("--plot")] = None,
+    plot: Path | None = None,
     count: workers.Count = 0,
     cluster: workers.Cluster = "",
-    as_json: Json = False,
+    as_json: bool = False,
 ) -> None:
     """Read, plan and audit a program over its whole path, and store the check; nothing moves.
 
@@ -183,7 +151,7 @@ def check(
     memory.keep_freed()
     if program is None and not machine:
         raise typer.BadParameter(say("cli.check.name_one"))
-    with _refusals(as_json):
+    with refusals(as_json):
         made = _machine(machine or "trunnion", gouge, dialect=dialect, fitted=fitted)
         sheets = machine_check.sheets(made, as_json)
         if program is None:
@@ -192,21 +160,21 @@ def check(
         if plot is not None and program.is_dir():
             raise Refused(say("cli.check.plot", plot=plot))
         _writable(plot)
-        with workers.spread(count, cluster) as spread:
+        with Workers(count, cluster) as crew:
             if program.is_dir():
                 from controller.cli import check_folder
 
                 place = store or stored.folder()
-                asked = check_folder.Asked(program, made, place, block_delete, report)
-                check_folder.run(asked, spread, as_json)
+                asked = check_folder.FolderCheck(program, made, place, block_delete, report)
+                check_folder.run(asked, crew.each, as_json)
                 return
             if report is not None:
                 told = messages.message("folder.report_alone", program=program)
-                raise Refused(messages.text(told, spoken.get()))
+                raise Refused(in_words(told))
             task = _task(program, made, block_delete)
             picture = Picture(made, task.kinematics) if plot is not None else None
             try:
-                done = _checked(task, store, as_json, spread, picture)
+                done = _checked(task, store, as_json, crew.each, picture)
             except Refused as refusal:
                 if plot is not None:
                     _draw_refused(task, refusal, plot)
@@ -277,10 +245,10 @@ def _print_check(
 
 
 def _show_check(program: Path, task: checked.Task, done: _Check, fitted: Path | None) -> None:
-    """Tables; what the data sheets say was told before."""
+    """Tables; what the data sheets say was shown before."""
     survey, kept = done.survey, done.kept
     if names := fittings.names(fitted):
-        tell.print(fittings.sentence(names), markup=False)
+        tell.print(fittings.sentence(names))
     _show_notes(kept.notes, task)
     if done.rows.longest:
         show.print(tables.blocks(done.rows))
@@ -291,11 +259,11 @@ def _show_check(program: Path, task: checked.Task, done: _Check, fitted: Path | 
     if survey.joints:
         show.print(tables.joints(survey))
     if done.warning:
-        tell.print(messages.text(messages.plain(done.warning), spoken.get()), markup=False)
-    show.print(tables.whole(survey, program.name, task.machine.name), markup=False)
+        tell.print(in_words(messages.plain(done.warning)))
+    show.print(tables.whole(survey, program.name, task.machine.name))
     if kept.overcuts:
-        form = messages.text(wording.summed(kept.verdicts), spoken.get())
-        show.print(form or tables.overcut(kept.overcuts), markup=False)
+        form = in_words(wording.summed(kept.verdicts))
+        show.print(form or tables.overcut(kept.overcuts))
 
 
 def _checked(
@@ -337,34 +305,33 @@ def _refuse_all(first: ProgramError, task: checked.Task, quiet: bool) -> NoRetur
 
 def _show_notes(notes: Sequence[Note], task: checked.Task) -> None:
     for sentence in machine_check.warnings(task.machine):
-        tell.print(sentence, markup=False)
+        tell.print(sentence)
     for note in notes:
-        sentence = messages.text(note.said, spoken.get())
-        tell.print(f"{task.name}:{note.place.line}:{note.place.column}: {sentence}", markup=False)
+        sentence = in_words(note.said)
+        tell.print(f"{task.name}:{note.place.line}:{note.place.column}: {sentence}")
 
 
 # --- simulate ------------------------------------------------------------------
 
 
-@speech.speaking
 def simulate(
-    program: ProgramFile,
-    machine: MachineFile = "trunnion",
-    period_ms: PeriodMs = None,
-    gouge: Gouge = None,
-    block_delete: BlockDelete = False,
-    dialect: Dialect = None,
-    fitted: Fitted = None,
+    program: Path,
+    machine: str = "trunnion",
+    period_ms: float | None = None,
+    gouge: Literal["refuse", "warn"] | None = None,
+    block_delete: bool = False,
+    dialect: Literal["rs274", "fanuc"] | None = None,
+    fitted: Path | None = None,
     trace_file: Annotated[Path | None, typer.Option("--trace")] = None,
-    events: Annotated[Path | None, typer.Option("--events")] = None,
-    faults: Annotated[Path | None, typer.Option("--faults")] = None,
-    faults_from: Annotated[Literal["program", "home"], typer.Option("--faults-from")] = "program",
-    plot: Annotated[Path | None, typer.Option("--plot")] = None,
-    part: Annotated[Path | None, typer.Option("--part")] = None,
-    touches: Annotated[Path | None, typer.Option("--touches")] = None,
-    store: Store = None,
-    unchecked: Unchecked = False,
-    as_json: Json = False,
+    events: Path | None = None,
+    faults: Path | None = None,
+    faults_from: Literal["program", "home"] = "program",
+    plot: Path | None = None,
+    part: Path | None = None,
+    touches: Path | None = None,
+    store: Path | None = None,
+    unchecked: bool = False,
+    as_json: bool = False,
 ) -> None:
     """Run a program on the stepped clock, with bus and simulated drives, as fast as it can."""
     from controller import memory
@@ -375,7 +342,7 @@ def simulate(
     from controller.runtime.contour_error import Demands
     from controller.runtime.stepped import SteppedMachine
 
-    with _refusals(as_json):
+    with refusals(as_json):
         made = _machine(machine, gouge, period_ms, dialect, fitted)
         script = fault_runs.read(faults, faults_from, made)
         _budget_or_refuse(made)
@@ -405,11 +372,11 @@ def simulate(
             **under.facts(),
         }
         for excess in () if as_json else watch.excesses:
-            tell.print(messages.text(excess.sentence(task.machine), spoken.get()), markup=False)
+            tell.print(in_words(excess.sentence(task.machine)))
         for axis, count in () if as_json else counts.items():
             for kind in ("missed", "overdue"):
                 if count[kind]:
-                    tell.print(say("setpoints." + kind, axis=axis, number=count[kind]), markup=False)
+                    tell.print(say("setpoints." + kind, axis=axis, number=count[kind]))
         if script is not None and not as_json:
             fault_runs.show(figures["faults"])
         _end_run(run, bench.planner.error, record, under, figures, as_json)
@@ -452,11 +419,7 @@ class _Outputs(NamedTuple):
 
 
 def _walk(
-    task: checked.Task,
-    kept: stored.Stored | None,
-    record: RecordedRun | None,
-    unchecked: bool,
-    as_json: bool,
+    task: checked.Task, kept: stored.Stored | None, record: RecordedRun | None, unchecked: bool, as_json: bool
 ) -> checked.Walk:
     """The path of the program, or what is left of it where a recorded run began; its notes are shown."""
     try:
@@ -519,14 +482,14 @@ def _end_run(
     if refusal is not None:
         why = refused_on_the_way(refusal.placed)
         place = {"line": refusal.line, "column": refusal.column}
-        raise Refused(messages.text(why, spoken.get()), **figures, **place)
+        raise Refused(in_words(why), **figures, **place)
     if run.result in AS_ASKED:
         raise ended_as_requested(run.result, **figures, line=run.line)
     if run.result != "completed":
         why = messages.several(
             messages.message("ended.stuck", line=run.line), queue_refusals.refusal_message(run.refusal)
         )
-        raise Refused(messages.text(why, spoken.get()), **figures, line=run.line)
+        raise Refused(in_words(why), **figures, line=run.line)
     _end("table.simulated", figures, as_json)
 
 
@@ -561,9 +524,7 @@ def _run_figures(
 
 
 def _end(title: str, figures: dict[str, Any], as_json: bool) -> None:
-    if as_json:
-        print(json.dumps({"ok": True, **figures}))
-    else:
+    if not answered(as_json, **figures):
         show.print(tables.figures(title, figures))
 
 
@@ -598,23 +559,23 @@ def _write(
 
 
 def demo(
-    part: Annotated[Literal["cone", "ruled"], typer.Option("--part")] = "cone",
-    out: Annotated[Path, typer.Option("--out")] = Path("demo"),
-    store: Store = None,
-    unchecked: Unchecked = False,
-    period_ms: Annotated[float, typer.Option("--period-ms")] = 5.0,
-    panel: Annotated[bool, typer.Option("--panel")] = False,
+    part: Literal["cone", "ruled"] = "cone",
+    out: Path = Path("demo"),
+    store: Path | None = None,
+    unchecked: bool = False,
+    period_ms: float = 5.0,
+    panel: bool = False,
     port: Annotated[int, typer.Option("--port", min=1, max=65535)] = 8080,
-    as_json: Json = False,
+    as_json: bool = False,
 ) -> None:
     """Cut one of the paper's parts in real time on the virtual bus, with simulated drives."""
     if panel:
         from controller.cli import demo_panel
 
-        with _refusals(as_json):
+        with refusals(as_json):
             demo_panel.run(out / "panel", port, period_ms, as_json)
         return
-    with _refusals(as_json):
+    with refusals(as_json):
         out.mkdir(parents=True, exist_ok=True)
         made = _machine("trunnion", period_ms=period_ms)
         # Simulated drives take no harm from late ticks; a machine stops for them.
@@ -656,21 +617,19 @@ def _demo(part: str, out: Path, made: Machine, store: Path | None, unchecked: bo
         )
     _end("table.live", figures, as_json)
     if not as_json:
-        show.print(f"Picture: {picture}   Trace: {trace_file}", markup=False)
+        show.print(f"Picture: {picture}   Trace: {trace_file}")
 
 
 # --- paper ---------------------------------------------------------------------
 
 
-def paper(as_json: Json = False) -> None:
+def paper(as_json: bool = False) -> None:
     """The paper's comparison, computed: off-line chords, its first-order step, and ours."""
     from controller.verify import paper as comparisons
     from controller.verify import tables
 
-    with _refusals(as_json):
+    with refusals(as_json):
         with bar(say("cli.bar.computing"), as_json) as progress:
             comparison = comparisons.compare(machine_file.load("trunnion"), progress)
-        if as_json:
-            print(json.dumps({"ok": True, **comparison.to_dict()}))
-        else:
+        if not answered(as_json, **comparison.to_dict()):
             tables.paper(comparison, show.console)

@@ -10,12 +10,11 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
-from controller import messages, own_files
+from controller import own_files
 from controller.machine import machine_file, setup_data
 from controller.machine.machine_file import written
 from controller.machine.model import Kind, Machine
 from controller.machine.spindle import unasked
-from controller.machine.toml_table import ConfigError
 from controller.program import linked
 from controller.runtime import events
 from controller.runtime.checked import Task, Walk
@@ -23,7 +22,7 @@ from controller.runtime.comparison import Comparison, Difference, off_path
 from controller.runtime.events import Recorded
 from controller.state import record_files
 from controller.state.setpoints import ACTUAL, MISSING, SETPOINTS, Counts, Spoilt, counts_per_unit
-from controller.verify.console import Refused, say, spoken
+from controller.verify.console import Refused, in_words, say
 
 if TYPE_CHECKING:
     from controller.runtime.stepped import Run, SteppedMachine
@@ -165,7 +164,7 @@ class RecordedRun:
         raise Refused(say("cli.replay.unreadable", parent=self._file.parent, why=spoilt.why))
 
     def _spoilt_lines(self, wanted: Comparison) -> Iterator[dict[str, Any]]:
-        """Lines of the events; behind the first that is lost the run may be another one from some tick on."""
+        """Lines of the events; after the first that is lost the run may be another one from some tick on."""
         ends = min(wanted.made, wanted.ticks) if wanted.lost_from is None else wanted.lost_from
         lost = self.recorded.lost
         for line in self.recorded.spoilt:
@@ -212,20 +211,11 @@ class RecordedRun:
         return str(record_files.known(self._file.parent).get("result", ""))
 
 
-def expected() -> tuple[type[Exception], ...]:
-    """What a record, and the machine on which it is made again, may raise."""
-    from controller.runtime.startup import SessionError
-    from drives.bus import BusError
-    from drives.commission import CommissionError
-
-    return ConfigError, SessionError, events.EventError, BusError, CommissionError
-
-
 def spoilt_json(found: Spoilt, period_s: float, key: str) -> dict[str, Any]:
     """What cannot be read of a record, and when: ``at_s`` and ``until_s`` from the start of the run; ``key``:
     of a text that says so.
     """
-    why = messages.text(found.why, spoken.get())
+    why = in_words(found.why)
     at_s, until_s = found.first * period_s, found.end * period_s
     return {
         "file": found.file,

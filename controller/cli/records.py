@@ -2,71 +2,52 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 from rich.table import Table
 
-from controller import messages
-from controller.cli import speech
 from controller.cli.recorded_runs import spoilt_json
-from controller.machine.toml_table import ConfigError
 from controller.runtime import records
-from controller.runtime.events import EventError
-from controller.runtime.records import Apart, NoRecord, Record
+from controller.runtime.records import Apart, Record
 from controller.verify import console
-from controller.verify.console import Refused, refusals, show, spoken
-
-Recording = Annotated[
-    Path,
-    typer.Argument(),
-]
-Tolerance = Annotated[float, typer.Option("--tolerance", min=0.0)]
-Json = Annotated[bool, typer.Option("--json")]
+from controller.verify.console import Refused, answered, refusals, show, spoken
 
 
-@speech.speaking
 def export(
-    recording: Recording,
-    out: Annotated[Path, typer.Argument(metavar="OUT")],
-    as_json: Json = False,
+    recording: Path, out: Annotated[Path, typer.Argument(metavar="OUT")], as_json: bool = False
 ) -> None:
     """Write a recording as Parquet, with units and meanings of its columns: for pandas, Polars, DuckDB ...
 
     Needs the extra recordings.
     """
-    with refusals(as_json, lambda: (ConfigError, EventError)):
+    with refusals(as_json):
         if out.suffix != records.PARQUET:
             raise Refused(_say("suffix", file=out))
-        found = _read(recording)
-        try:
-            records.write(found, out, spoken.get())
-        except NoRecord as error:
-            raise _refused(error) from error
+        found = records.read(recording)
+        records.write(found, out, spoken.get())
         spoilt = [spoilt_json(one, found.period_s, "records.spoilt") for one in found.spoilt]
         facts = {"kind": found.kind, "rows": found.rows, "columns": _facts(found)}
         facts |= {"partial": bool(spoilt), "spoilt": spoilt}
-        if as_json:
-            print(json.dumps({"ok": True, "file": str(out), "period_s": found.period_s, **facts}))
-        else:
+        if not answered(as_json, file=str(out), period_s=found.period_s, **facts):
             words = _say("written", file=out, rows=found.rows, columns=len(found.columns))
-            show.print(" ".join([words, *(one["sentence"] for one in spoilt)]), markup=False)
+            show.print(" ".join([words, *(one["sentence"] for one in spoilt)]))
 
 
-@speech.speaking
-def compare(a: Recording, b: Recording, tolerance: Tolerance = 0.0, as_json: Json = False) -> None:
+def compare(
+    a: Path,
+    b: Path,
+    tolerance: Annotated[float, typer.Option("--tolerance", min=0.0)] = 0.0,
+    as_json: bool = False,
+) -> None:
     """Hold two recordings beside each other, row by row from the start of both.
 
     Exit code 0: the same, within --tolerance. 1: the first row and column that are apart, or another length.
     """
-    with refusals(as_json, lambda: (ConfigError, EventError)):
-        first, second = _read(a), _read(b)
-        try:
-            found = records.compare(first, second, tolerance)
-        except NoRecord as error:
-            raise _refused(error) from error
+    with refusals(as_json):
+        first, second = records.read(a), records.read(b)
+        found = records.compare(first, second, tolerance)
         facts: dict[str, Any] = {
             "rows": found.rows,
             "lengths": found.lengths,
@@ -81,25 +62,11 @@ def compare(a: Recording, b: Recording, tolerance: Tolerance = 0.0, as_json: Jso
         if not as_json:
             show.print(_table(found.columns, first, second))
             for one in facts["spoilt"]:
-                show.print(one["sentence"], markup=False)
+                show.print(one["sentence"])
         if not found.is_same:
             raise Refused(_apart(found, first), **facts)
-        if as_json:
-            print(json.dumps({"ok": True, **facts}))
-        else:
-            show.print(_say("same", rows=found.rows, columns=len(found.columns)), markup=False)
-
-
-def _read(path: Path) -> Record:
-    """Raises Refused."""
-    try:
-        return records.read(path)
-    except NoRecord as error:
-        raise _refused(error) from error
-
-
-def _refused(error: NoRecord) -> Refused:
-    return Refused(messages.text(error.said, spoken.get()))
+        if not answered(as_json, **facts):
+            show.print(_say("same", rows=found.rows, columns=len(found.columns)))
 
 
 def _say(key: str, **values: object) -> str:

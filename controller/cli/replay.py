@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -16,6 +15,7 @@ from controller.state.record_files import RUNS
 from controller.verify.console import (
     AS_ASKED,
     Refused,
+    answered,
     bar,
     ended_as_requested,
     refusals,
@@ -24,24 +24,14 @@ from controller.verify.console import (
     tell,
 )
 
-RunName = Annotated[
-    str,
-    typer.Argument(metavar="RUN"),
-]
-State = Annotated[Path | None, typer.Option("--state")]
-MachineFile = Annotated[str | None, typer.Option("--machine")]
-ProgramFile = Annotated[Path | None, typer.Option("--program")]
-Trace = Annotated[Path | None, typer.Option("--trace")]
-Json = Annotated[bool, typer.Option("--json")]
-
 
 def replay(
-    run: RunName,
-    state: State = None,
-    machine: MachineFile = None,
-    program: ProgramFile = None,
-    trace_file: Trace = None,
-    as_json: Json = False,
+    run: Annotated[str, typer.Argument(metavar="RUN")],
+    state: Path | None = None,
+    machine: str | None = None,
+    program: Path | None = None,
+    trace_file: Annotated[Path | None, typer.Option("--trace")] = None,
+    as_json: bool = False,
 ) -> None:
     """Make a recorded run again on the stepped clock, and compare every setpoint bit for bit.
 
@@ -53,7 +43,7 @@ def replay(
     Exit code 0: the same setpoints. 1: others, with the first tick, time, axis and difference; or no
     record to be made again. 4: the same setpoints, of a run that was held or stopped before its end.
     """
-    with refusals(as_json, recorded_runs.expected):
+    with refusals(as_json):
         folder = folder_of(run, state)
         record = recorded_runs.whole(folder, machine, program)
         if trace_file is not None:
@@ -61,10 +51,8 @@ def replay(
         figures = {"run": folder.name, **_made_again(record, trace_file, as_json)}
         if figures["result"] in AS_ASKED:
             raise ended_as_requested(figures["result"], in_words(figures), **figures)
-        if as_json:
-            print(json.dumps({"ok": True, **figures}))
-        else:
-            show.print(in_words(figures), markup=False)
+        if not answered(as_json, **figures):
+            show.print(in_words(figures))
 
 
 def folder_of(run: str, state: Path | None) -> Path:
@@ -105,7 +93,7 @@ def _made_again(record: RecordedRun, trace_file: Path | None, as_json: bool) -> 
     memory.collect_rarely()
     task = checked.task(record.text, record.name, record.machine)
     if not as_json:
-        tell.print(say("cli.replay.title", name=record.name, machine=record.machine.name), markup=False)
+        tell.print(say("cli.replay.title", name=record.name, machine=record.machine.name))
     with bar(say("cli.bar.replaying"), as_json) as progress:
         bench, run = record.repeat(task, progress, keep=trace_file is not None)
     positions = record.positions() if trace_file is not None else None

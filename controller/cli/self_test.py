@@ -133,7 +133,7 @@ def link_details(bus: Bus) -> dict[str, Any]:
 
 
 def can(bus: Bus, link: dict[str, Any]) -> Iterator[Line]:
-    """Lines on one CAN interface, as `ip` tells of it."""
+    """Lines on one CAN interface, as `ip` reports it."""
     up = "UP" in link.get("flags", ())
     bring = _say("bring_up", channel=bus.channel, bit_rate=bus.bit_rate)
     found = _say("is_up" if up else "is_down" if link else "is_absent", channel=bus.channel)

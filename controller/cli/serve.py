@@ -1,4 +1,4 @@
-"""``directrix serve``: the service of one machine, until it is told to end."""
+"""``directrix serve``: the service of one machine, until it is asked to end."""
 
 from __future__ import annotations
 
@@ -8,46 +8,33 @@ import socket
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Literal
-
-import typer
+from typing import Literal
 
 from controller import journald
 from controller.cli import machine_check
 from controller.ipc import control_socket
 from controller.machine import machine_file
 from controller.machine.model import Machine
-from controller.machine.toml_table import ConfigError
-from controller.runtime.startup import SessionError
 from controller.verify.console import Refused, refusals, say, tell
 
 NOTIFY_S = 5.0  # for systemd to make room
 
-MachineFile = Annotated[str, typer.Option("--machine")]
-
 
 def serve(
-    machine: MachineFile = "trunnion",
-    simulate: Annotated[bool, typer.Option("--simulate")] = False,
-    part: Annotated[
-        Path | None,
-        typer.Option("--part"),
-    ] = None,
-    state: Annotated[Path | None, typer.Option("--state")] = None,
-    runtime: Annotated[Path | None, typer.Option("--runtime")] = None,
-    period_ms: Annotated[float | None, typer.Option("--period-ms")] = None,
-    late: Annotated[
-        Literal["stop", "count"] | None,
-        typer.Option("--late"),
-    ] = None,
-    group: Annotated[str, typer.Option("--group")] = "",
-    pendant: Annotated[Path | None, typer.Option("--pendant")] = None,
+    machine: str = "trunnion",
+    simulate: bool = False,
+    part: Path | None = None,
+    state: Path | None = None,
+    runtime: Path | None = None,
+    period_ms: float | None = None,
+    late: Literal["stop", "count"] | None = None,
+    group: str = "",
+    pendant: Path | None = None,
 ) -> None:
     """Drive a machine: drives, planner and tick, with a local socket for panel and scripts."""
-    from drives.bus import BusError
 
     journald.use()
-    with refusals(False, lambda: (ConfigError, SessionError, BusError)):
+    with refusals(False):
         from controller.service import main
         from controller.service.pendant import read
 
@@ -56,13 +43,13 @@ def serve(
         # Simulated drives take no harm from a computer that is busy with other work.
         made = replace(made, late=late or ("count" if simulate else made.late))
         for sentence in machine_check.warnings(made):
-            tell.print(sentence, markup=False)
+            tell.print(sentence)
         if part is not None:
             _see_part(part, made, simulate)
         hand = None if pendant is None else read(pendant, tuple(axis.name for axis in made.axes))
         where = (state or control_socket.state_folder(), runtime or control_socket.runtime_folder())
         key = "cli.serve.simulated" if simulate else "cli.serve.serves"
-        tell.print(say(key, machine=made.name, folder=where[1]), markup=False)
+        tell.print(say(key, machine=made.name, folder=where[1]))
         try:
             main.run(made, *where, simulate, _notifier(), group, hand, part)
         except OSError as error:

@@ -8,7 +8,7 @@ import shutil
 import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import typer
 
@@ -17,26 +17,14 @@ from controller.cli import installation, locked, self_test, update
 from controller.cli.host_lines import Line
 from controller.cli.installation import ENVIRONMENT, STATE, TARGET, UNITS
 from controller.cli.privileged import as_root, run
+from controller.cli.speech import Verbs
 from controller.machine import machine_file
 from controller.machine.model import Machine
-from controller.machine.toml_table import ConfigError
 from controller.runtime import drive_sheets
-from controller.verify.console import Refused, in_words, refusals, say, show, tell
+from controller.verify.console import Refused, answered, in_words, refusals, say, show, tell
 
-app = typer.Typer(
-    add_completion=False,
-    no_args_is_help=True,
-)
+app = Verbs(add_completion=False, no_args_is_help=True)
 
-Root = Annotated[
-    Path | None,
-    typer.Option("--root"),
-]
-Json = Annotated[bool, typer.Option("--json")]
-MachineFile = Annotated[
-    str | None,
-    typer.Option("--machine"),
-]
 HIDDEN = ("/home", "/root", "/run/user", "/tmp", "/var/tmp")  # ProtectHome=yes, PrivateTmp=yes
 SHOWN = ("LoadState", "ActiveState", "SubState", "Result", "NRestarts", "MainPID", "StatusText")
 NOT_RUNNING = 3  # exit code, as systemctl's
@@ -47,19 +35,19 @@ NOT_RUNNING = 3  # exit code, as systemctl's
 
 @app.command()
 def install(
-    machine: MachineFile = None,
-    simulate: Annotated[bool | None, typer.Option("--simulate/--no-simulate")] = None,
-    panel: Annotated[str | None, typer.Option("--panel")] = None,
-    start: Annotated[bool, typer.Option("--start")] = False,
-    unlocked: Annotated[bool, typer.Option("--unlocked")] = False,
-    root: Root = None,
-    as_json: Json = False,
+    machine: str | None = None,
+    simulate: bool | None = None,
+    panel: str | None = None,
+    start: bool = False,
+    unlocked: bool = False,
+    root: Path | None = None,
+    as_json: bool = False,
 ) -> None:
     """Write the units, users, folders and CAN interfaces of a machine, to be started at every boot.
 
     What it writes it writes again each time, but never over /etc/directrix. Nothing moves by it.
     """
-    with refusals(as_json, lambda: (ConfigError,)):
+    with refusals(as_json):
         present = _present(root or Path("/"))
         source = _source(machine)
         named = source or installation.machine_named_in(present or "")
@@ -109,7 +97,7 @@ def _seen_by_a_service(source: str) -> None:
 
 
 def _needed(source: str) -> Iterator[tuple[str, str]]:
-    """What the services read, by the path that they are told and by the one where it ends."""
+    """What the services read, by the path that they are given and by the one where it ends."""
     python = Path(sys.executable).absolute()  # of a virtual environment: a link into the system's
     for path in dict.fromkeys((python, python.resolve())):
         yield say("cli.service.python"), str(path)
@@ -157,11 +145,10 @@ def _make_known(machine: Machine) -> None:
 
 
 def _tell_installed(as_json: bool, paths: list[Path], machine: Machine, hint: bool) -> None:
-    if as_json:
-        print(json.dumps({"ok": True, "machine": machine.name, "written": list(map(str, paths))}))
+    if answered(as_json, machine=machine.name, written=list(map(str, paths))):
         return
     for path in paths:
-        show.print(str(path), markup=False)
+        show.print(str(path))
     if hint:
         show.print(say("cli.service.start", target=TARGET))
 
@@ -170,9 +157,9 @@ def _tell_installed(as_json: bool, paths: list[Path], machine: Machine, hint: bo
 
 
 @app.command()
-def uninstall(root: Root = None, as_json: Json = False) -> None:
+def uninstall(root: Path | None = None, as_json: bool = False) -> None:
     """Stop the services and take away what install wrote; /etc/directrix and programs stay."""
-    with refusals(as_json, lambda: ()):
+    with refusals(as_json):
         below = root or Path("/")
         if root is None:
             as_root("uninstall")
@@ -209,16 +196,16 @@ app.command("rollback")(update.rollback)
 
 
 @app.command()
-def status(as_json: Json = False) -> None:
+def status(as_json: bool = False) -> None:
     """How the services are; exit code 3 when one of them does not run."""
-    with refusals(as_json, lambda: ()):
+    with refusals(as_json):
         units = _shown(run("systemctl", "show", "--property", ",".join(("Id", *SHOWN)), *UNITS))
         running = all(unit["ActiveState"] == "active" for unit in units)
         if as_json:
             print(json.dumps({"ok": running, "units": units}))
         else:
             for unit in units:
-                show.print(_sentence(unit), markup=False)
+                show.print(_sentence(unit))
         if not running:
             raise typer.Exit(NOT_RUNNING)
 
@@ -247,16 +234,13 @@ def _sentence(unit: dict[str, str]) -> str:
 
 @app.command("self-test")
 def self_tests(
-    machine: MachineFile = None,
-    seconds: Annotated[float, typer.Option("--seconds")] = 5.0,
-    state: Annotated[Path, typer.Option("--state")] = STATE,
-    as_json: Json = False,
+    machine: str | None = None, seconds: float = 5.0, state: Path = STATE, as_json: bool = False
 ) -> None:
     """Whether this computer can run the machine: one line each, pass or fail, with the remedy.
 
     Run it as root, or in the service's place; while the machine runs it looks at the running tick.
     """
-    with refusals(as_json, lambda: (ConfigError,)):
+    with refusals(as_json):
         if not 0.0 < seconds <= 3600.0:
             raise Refused(say("cli.service.seconds", seconds=seconds))
         lines = self_test.run(machine_of(machine), state, seconds)
@@ -275,13 +259,9 @@ def _report(lines: Sequence[Line], as_json: bool) -> None:
         rows: list[dict[str, Any]] = [line.to_dict() for line in lines]
         print(json.dumps({"ok": not failed, "failed": failed, "lines": rows}))
     for line in () if as_json else lines:
-        show.print(
-            f"{say(f'host.{line.verdict}'):<4}  {line.shown:<16} {line.found}",
-            markup=False,
-            soft_wrap=True,
-        )
+        show.print(f"{say(f'host.{line.verdict}'):<4}  {line.shown:<16} {line.found}", soft_wrap=True)
         if line.advice:
-            show.print(f"      {'':<16} -> {line.advice}", markup=False, soft_wrap=True)
+            show.print(f"      {'':<16} -> {line.advice}", soft_wrap=True)
     if failed:
         if not as_json:
             tell.print(say("self_test.failed", count=failed, all=len(lines)))

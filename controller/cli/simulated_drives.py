@@ -9,16 +9,12 @@ from typing import Annotated, Literal, NoReturn
 import typer
 
 from controller.cli.help_texts import CHANNEL
-from controller.cli.speech import speaking
 from controller.machine import drive_profiles, machine_file, nodes
-from controller.machine.toml_table import ConfigError
 from controller.runtime import simulation
 from controller.runtime.simulation import (
-    InterfaceError,
     IoNode,
     LostSync,
     Parameters,
-    ScriptError,
     SimulatedDrive,
     build,
     equipped,
@@ -36,31 +32,28 @@ LostSyncs = Literal["hold", "extrapolate", "fault", "quick_stop"]  # ``LostSync`
 LAST_NODE = 127
 
 Devices = list[SimulatedDrive | IoNode]
-Ids = Annotated[str, typer.Option()]
 
 
-@speaking
 def simulate(
-    profile: Annotated[str, typer.Option("--profile")] = ("simulated"),
-    eds: Annotated[Path | None, typer.Option("--eds")] = None,
+    profile: str = ("simulated"),
+    eds: Path | None = None,
     ids: Annotated[str, typer.Option("--nodes")] = "1-5",
-    spindle: Ids = "",
-    io: Ids = "",
-    machine: Annotated[str, typer.Option("--machine")] = "",
-    bus: Annotated[str, typer.Option("--bus")] = "",
-    channel: Annotated[str, typer.Option("--channel")] = "",
+    spindle: str = "",
+    io: str = "",
+    machine: str = "",
+    bus: str = "",
+    channel: str = "",
     interface: Annotated[str, typer.Option("--socketcan")] = "",
-    bit_rate: Annotated[int | None, typer.Option("--bit-rate")] = None,
-    worst_stuffing: Annotated[bool, typer.Option("--worst-stuffing")] = False,
-    write_eds: Annotated[Path | None, typer.Option("--write-eds")] = None,
-    bare: Annotated[bool, typer.Option("--bare")] = False,
-    lost_sync: Annotated[LostSyncs, typer.Option("--lost-sync")] = "hold",
-    faults: Annotated[Path | None, typer.Option("--faults")] = None,
-    log: Annotated[Path | None, typer.Option("--log")] = None,
+    bit_rate: int | None = None,
+    worst_stuffing: bool = False,
+    write_eds: Path | None = None,
+    bare: bool = False,
+    lost_sync: LostSyncs = "hold",
+    faults: Path | None = None,
+    log: Path | None = None,
 ) -> None:
     """Simulated drives of a family or a machine, until Ctrl-C: on a virtual bus, or on a CAN interface."""
-    expected = (ConfigError, ScriptError, InterfaceError)
-    with refusals(False, lambda: expected), tempfile.TemporaryDirectory() as folder:
+    with refusals(False), tempfile.TemporaryDirectory() as folder:
         if write_eds is not None:
             _write_sheet(write_eds, profile, bare, machine)
             return
@@ -78,7 +71,7 @@ def simulate(
             raise Refused(say("sim_drives.two_places"))
         made = open_server(channel or str(CHANNEL), interface, bit_rate, worst_stuffing=worst_stuffing)
         with equipped(made, faults, None if log is None else str(log)):
-            tell.print(say("sim_drives.serve", count=len(devices), path=made.path), markup=False)
+            tell.print(say("sim_drives.serve", count=len(devices), path=made.path))
             run(made, devices)
 
 
@@ -104,7 +97,7 @@ def _write_sheet(file: Path, profile: str, bare: bool, machine: str) -> None:
     if machine:
         raise Refused(say("sim_drives.sheet_of_family", file=file))
     written = family_sheet.write(file, drive_profiles.load(profile), bare)
-    tell.print(say("sim_drives.sheet", file=written), markup=False)
+    tell.print(say("sim_drives.sheet", file=written))
 
 
 def _sheet(profile: Profile, bare: bool, folder: Path) -> Path:

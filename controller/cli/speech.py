@@ -14,6 +14,7 @@ from controller.cli.help_texts import ENVIRONMENT
 from controller.verify import console
 from controller.verify.console import spoken
 
+Verb = Callable[..., None]
 LANGUAGE = "language"  # the parameter
 Language = Annotated[str, typer.Option("--language", envvar=ENVIRONMENT)]
 
@@ -28,18 +29,25 @@ def say(key: str, **values: object) -> str:
     return console.say(f"client.{key}", **values)
 
 
-def teach(app: typer.Typer) -> None:
-    """Gives every verb of an application, and of those below it, its ``--language``."""
-    for one in app.registered_commands:
-        if one.callback is not None and LANGUAGE not in inspect.signature(one.callback).parameters:
-            one.callback = speaking(one.callback)
-    for group in app.registered_groups:
-        if group.typer_instance is not None:
-            teach(group.typer_instance)
+class Verbs(typer.Typer):
+    """An application whose verbs are functions of plain parameters, see ``speaking``."""
+
+    def command(self, *name: str, **how: Any) -> Callable[[Verb], Verb]:  # type: ignore[override]
+        add = super().command(*name, **how)
+        return lambda verb: add(speaking(verb))
+
+    def callback(self, **how: Any) -> Callable[[Verb], Verb]:  # type: ignore[override]
+        """A verb only where it does something without one below it."""
+        add = super().callback(**how)
+        return lambda verb: add(speaking(verb) if how.get("invoke_without_command") else verb)
 
 
-def speaking(verb: Callable[..., None]) -> Callable[..., None]:
-    """The verb with ``--language``; one that there is not is English, as the panel has it."""
+def speaking(verb: Verb) -> Verb:
+    """The verb with ``--language``; one that there is not is English, as the panel has it.
+
+    A parameter without a default is an argument, any other the option of its name, as typer has it; but
+    a bool that is false has no ``--no-...`` beside it, and ``as_json`` is ``--json``.
+    """
 
     @functools.wraps(verb)
     def with_language(*args: Any, language: str = messages.DEFAULT, **more: Any) -> None:
@@ -51,6 +59,14 @@ def speaking(verb: Callable[..., None]) -> Callable[..., None]:
 
     own, kind = inspect.signature(verb, eval_str=True), inspect.Parameter.KEYWORD_ONLY
     last = inspect.Parameter(LANGUAGE, kind, default=messages.DEFAULT, annotation=Language)
-    told = own.replace(parameters=[*own.parameters.values(), last])
-    with_language.__signature__ = told  # type: ignore[attr-defined]
+    parameters = [
+        _flag(one) if one.annotation is bool and one.default is False else one
+        for one in own.parameters.values()
+    ]
+    with_language.__signature__ = own.replace(parameters=[*parameters, last])  # type: ignore[attr-defined]
     return with_language
+
+
+def _flag(parameter: inspect.Parameter) -> inspect.Parameter:
+    option = "--json" if parameter.name == "as_json" else f"--{parameter.name.replace('_', '-')}"
+    return parameter.replace(annotation=Annotated[bool, typer.Option(option)])

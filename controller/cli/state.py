@@ -16,12 +16,12 @@ from pathlib import Path
 from typing import Annotated, Final, Literal, NamedTuple
 
 import typer
-from rich.markup import escape
 from rich.table import Table as Printed
 
 from controller import messages, npz, own_database, own_files, sealed_file, sealed_rows
 from controller.api import log_in_marker, own_folder
 from controller.api.programs import CONTENT, FOLDER
+from controller.cli.speech import Verbs
 from controller.ipc import control_socket
 from controller.machine import arrangement
 from controller.messages import Message, message, of_error
@@ -31,9 +31,9 @@ from controller.service.folders import Folders
 from controller.state import record_files
 from controller.state.setpoints import TABLES, Table
 from controller.store import service_store, tool_store
-from controller.verify.console import Refused, refusals, say, show, spoken
+from controller.verify.console import Refused, answered, in_words, refusals, say, show
 
-app = typer.Typer(add_completion=False, no_args_is_help=True)
+app = Verbs(add_completion=False, no_args_is_help=True)
 
 Condition = Literal["ok", "older", "unread", "damaged"]
 OK: Final = "ok"
@@ -46,7 +46,7 @@ GROUPS = (record_files.RUNS, record_files.RECORDINGS, "checks", arrangement.FOLD
 PROGRAMS = f"{own_folder.PANEL}/{FOLDER}/"
 
 
-class Found(NamedTuple):
+class FileCondition(NamedTuple):
     """A file, by its path in the state folder; ``why`` it is damaged, or cannot be read by who asks."""
 
     file: str
@@ -60,14 +60,11 @@ def main() -> None:
 
 
 @app.command()
-def check(
-    state: Annotated[Path | None, typer.Option("--state")] = None,
-    as_json: Annotated[bool, typer.Option("--json")] = False,
-) -> None:
+def check(state: Path | None = None, as_json: bool = False) -> None:
     """Hold every file and row of a state folder against its checksum. It changes nothing; exit code 1 where
     one is damaged, or not for you to read.
     """
-    with refusals(as_json, lambda: (OSError,)):
+    with refusals(as_json):
         folder = state or control_socket.state_folder()
         if not folder.is_dir():
             raise Refused(say("cli.support.no_state", folder=folder))
@@ -75,11 +72,11 @@ def check(
         counts = Counter(one.condition for one in found)
         ok = not counts[DAMAGED] and not counts[UNREAD]
         if as_json:
-            rows = [{**one._asdict(), "why": in_words(one)} for one in found]
+            rows = [{**one._asdict(), "why": in_words(one.why)} for one in found]
             told = {"ok": ok, "damaged": counts[DAMAGED], "unread": counts[UNREAD], "files": rows}
             print(json.dumps(told))
         else:
-            show.print("\n".join(_lines(found)), markup=False, soft_wrap=True)
+            show.print("\n".join(_lines(found)), soft_wrap=True)
     if not ok:
         raise typer.Exit(1)
 
@@ -87,53 +84,47 @@ def check(
 @app.command("requests")
 def list_requests(
     most: Annotated[int, typer.Option("--most", min=1, max=requests.MAX_ROWS)] = 50,
-    state: Annotated[Path | None, typer.Option("--state")] = None,
-    as_json: Annotated[bool, typer.Option("--json")] = False,
+    state: Path | None = None,
+    as_json: bool = False,
 ) -> None:
     """Who asked the machine for what, as the service has noted it."""
-    with refusals(as_json, lambda: (OSError,)):
+    with refusals(as_json):
         file = (state or control_socket.state_folder()) / service_store.FILE
         try:
             with own_database.reading(file) as sql:
                 rows = list(requests.listed(sql, most))
         except (OSError, sqlite3.Error) as error:
             raise Refused(say("os_error_of", file=file, why=error)) from error
-        if as_json:
-            print(json.dumps({"ok": True, "requests": rows}))
+        if answered(as_json, requests=rows):
             return
         heads = ("time", "user", "role", "address", "request", "arguments", "refused")
         table = Printed(*(say(f"table.{head}") for head in heads), box=None, pad_edge=False)
         for row in rows:
             at = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(row["time_s"]))
-            table.add_row(at, *(escape(str(row[name])) for name in requests.COLUMNS[1:] if name != "peer"))
+            table.add_row(at, *(str(row[name]) for name in requests.COLUMNS[1:] if name != "peer"))
         show.print(table)
 
 
-def in_words(one: Found) -> str:
-    """Why it is damaged or unread; empty where it is neither."""
-    return "" if one.why is None else messages.text(one.why, spoken.get())
-
-
-def _lines(found: list[Found]) -> Iterator[str]:
+def _lines(found: list[FileCondition]) -> Iterator[str]:
     """One each, but for the many of a folder that are as they should be."""
     counts = Counter((_group(one), one.condition) for one in found if one.why is None)
     for (name, condition), count in counts.items():
         yield say(f"cli.state.{condition}", file=f"{name} ({count})" if name.endswith("/") else name)
     for one in found:
         if one.why is not None:
-            yield say(f"cli.state.{one.condition}", file=one.file, why=in_words(one))
+            yield say(f"cli.state.{one.condition}", file=one.file, why=in_words(one.why))
     of = Counter(one.condition for one in found)
     yield say("cli.state.all", count=len(found), damaged=of[DAMAGED], unread=of[UNREAD])
 
 
-def _group(one: Found) -> str:
+def _group(one: FileCondition) -> str:
     first = Path(one.file).parts[0]
     if one.file.startswith(PROGRAMS):
         return PROGRAMS
     return f"{first}/" if first in GROUPS else one.file
 
 
-def look(state: Path) -> Iterator[Found]:
+def look(state: Path) -> Iterator[FileCondition]:
     """Every file of a state folder that is read again, in the order of their names. Raises OSError."""
     for name in owners.SEALED:
         yield from _held(state / name, state, _sealed)
@@ -147,7 +138,7 @@ def look(state: Path) -> Iterator[Found]:
         yield from _held(state / name, state, _rows)
     was = os.path.lexists(state / service_store.COPY) or sealed_file.is_marked(state / service_store.FILE)
     if was and not os.path.lexists(state / service_store.FILE):
-        yield Found(service_store.FILE, DAMAGED, message("sealed.gone"))
+        yield FileCondition(service_store.FILE, DAMAGED, message("sealed.gone"))
     folders = Folders.within(state)
     for folder, condition in ((folders.arranged, _record), (folders.checks, _sealed)):
         for name in own_files.names(folder, state):
@@ -160,7 +151,7 @@ def look(state: Path) -> Iterator[Found]:
             yield from _of_record(state / kind / name, state)
 
 
-def _of_record(folder: Path, state: Path) -> Iterator[Found]:
+def _of_record(folder: Path, state: Path) -> Iterator[FileCondition]:
     """Of a run or of a fault."""
     for name in (record_files.RUN, record_files.BEGUN):
         yield from _held(folder / name, state, _facts)
@@ -170,26 +161,26 @@ def _of_record(folder: Path, state: Path) -> Iterator[Found]:
         yield from _segments(table, folder, state)
 
 
-def _segments(table: Table, folder: Path, state: Path) -> Iterator[Found]:
+def _segments(table: Table, folder: Path, state: Path) -> Iterator[FileCondition]:
     """Of a run: each by itself."""
     for piece in table.pieces(folder):
         name = str(piece.file.relative_to(state))
-        yield Found(name, OK) if piece.spoilt is None else Found(name, DAMAGED, piece.spoilt)
+        yield FileCondition(name, OK) if piece.spoilt is None else FileCondition(name, DAMAGED, piece.spoilt)
 
 
-def _held(file: Path, state: Path, condition: Callable[[Path, Path], Condition]) -> Iterator[Found]:
+def _held(file: Path, state: Path, condition: Callable[[Path, Path], Condition]) -> Iterator[FileCondition]:
     """What a look at a file finds; nothing where it is not there."""
     name = str(file.relative_to(state))
     if not os.path.lexists(file):
         return
     try:
-        yield Found(name, condition(file, state))
+        yield FileCondition(name, condition(file, state))
     except PermissionError as error:
-        yield Found(name, UNREAD if error.errno == errno.EACCES else DAMAGED, of_error(error))
+        yield FileCondition(name, UNREAD if error.errno == errno.EACCES else DAMAGED, of_error(error))
     except WRONG as error:
-        yield Found(name, DAMAGED, of_error(error))
+        yield FileCondition(name, DAMAGED, of_error(error))
     except sqlite3.Error as error:
-        yield Found(name, DAMAGED, messages.plain(str(error)))
+        yield FileCondition(name, DAMAGED, messages.plain(str(error)))
 
 
 # -- each raises one of the above for what is damaged

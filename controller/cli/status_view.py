@@ -1,4 +1,4 @@
-"""What ``directrix status`` shows: the machine's status as the REST interface tells it, for a terminal.
+"""What ``directrix status`` shows: the machine's status as the REST interface has it, for a terminal.
 
 Everything here takes the status' values as they come (mm, degrees, mm/min, s) and gives
 something to print; what is missing shows as a dash, for a view must not fail when the

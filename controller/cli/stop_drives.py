@@ -2,30 +2,24 @@
 
 from __future__ import annotations
 
-import json
-from typing import Annotated
-
 import typer
 
 from controller import messages
+from controller.cli import speech
 from controller.machine import machine_file, nodes
 from controller.machine.model import Machine
-from controller.machine.toml_table import ConfigError
-from controller.verify.console import Refused, refusals, say, show, spoken
+from controller.verify.console import Refused, answered, in_words, refusals, say, show
 from drives import bus as buses
 from drives import commission, pdo, quick_stop
 from drives.settings import BusSettings
 
-MachineFile = Annotated[str, typer.Option("--machine")]
-Json = Annotated[bool, typer.Option("--json")]
 
-
-def stop(machine: MachineFile = "trunnion", as_json: Json = False) -> None:
+def stop(machine: str = "trunnion", as_json: bool = False) -> None:
     """Quick stop for every drive, then NMT stop: for the end of a service, whatever it ended of.
 
     It asks nobody and refuses nothing: a stop is always allowed. It is no emergency stop.
     """
-    with refusals(as_json, lambda: (ConfigError,)):
+    with refusals(as_json):
         made = machine_file.load(machine)
         told, silent, unreachable = [], [], []
         for settings in nodes.bus_settings(made):
@@ -35,7 +29,7 @@ def stop(machine: MachineFile = "trunnion", as_json: Json = False) -> None:
                 silent += _stopped(made, settings)
                 told.append(settings.name)
             except buses.BusError as error:
-                unreachable.append(messages.text(messages.of_error(error), spoken.get()))
+                unreachable.append(in_words(messages.of_error(error)))
         _report(as_json, told, silent, unreachable)
 
 
@@ -57,13 +51,9 @@ def _report(as_json: bool, told: list[str], silent: list[str], unreachable: list
         sentences.append(say("cli.stop.silent", names=", ".join(silent)))
     if sentences:
         raise Refused("\n".join(sentences), **facts)
-    if as_json:
-        print(json.dumps({"ok": True, **facts}))
-        return
-    show.print(say("cli.stop.told", names=", ".join(told)) if told else say("cli.stop.none"))
+    if not answered(as_json, **facts):
+        show.print(say("cli.stop.told", names=", ".join(told)) if told else say("cli.stop.none"))
 
 
-if (
-    __name__ == "__main__"
-):  # for the end of the service: a third of the time that the whole command line takes
-    typer.run(stop)
+if __name__ == "__main__":  # at the end of a service: in a third of the time of the whole command line
+    typer.run(speech.speaking(stop))

@@ -46,7 +46,7 @@ from controller.machine.toml_table import ConfigError
 from controller.service import older_files, owners, requests
 from controller.state.record_files import RECORDINGS, RUNS
 from controller.store import history, service_store
-from controller.verify.console import Refused, refusals, say, show, spoken
+from controller.verify.console import Refused, answered, in_words, refusals, say, show
 
 STATE_FILES = (*owners.SEALED, *older_files.DOCUMENTS, older_files.ALARMS)
 LATEST = 3  # runs and faults whose records go along
@@ -60,24 +60,22 @@ Part = tuple[str, bytes]
 
 
 def support(
-    archive: Annotated[Path, typer.Argument()],
-    state: Annotated[Path | None, typer.Option("--state")] = None,
+    archive: Path,
+    state: Path | None = None,
     records: Annotated[int, typer.Option("--records", min=0, max=100)] = LATEST,
-    as_json: Annotated[bool, typer.Option("--json")] = False,
+    as_json: bool = False,
 ) -> None:
     """Write one archive for who helps from afar; no secrets are in it."""
-    with refusals(as_json, lambda: (StoreError, ConfigError)):
+    with refusals(as_json):
         folder = state or control_socket.state_folder()
         if not folder.is_dir():
             raise Refused(say("cli.support.no_state", folder=folder))
         missing: list[str] = []
         _write(archive.absolute(), folder, records, missing)
         size = archive.stat().st_size
-        if as_json:
-            print(json.dumps({"ok": True, "archive": str(archive), "bytes": size, "missing": missing}))
-        else:
+        if not answered(as_json, archive=str(archive), bytes=size, missing=missing):
             words = say("cli.support.done", archive=archive, mb=f"{size / 1e6:.1f}")
-            show.print("\n".join([words, *missing]), markup=False)
+            show.print("\n".join([words, *missing]))
 
 
 def _write(archive: Path, folder: Path, records: int, missing: list[str]) -> None:
@@ -87,8 +85,10 @@ def _write(archive: Path, folder: Path, records: int, missing: list[str]) -> Non
         with own_files.new(half) as out, zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as file:
             secrets = _secrets(folder, missing)
             for name, data in _parts(folder, records, missing):
-                for part in _readable(name, partial(redaction.of_part, name, data, secrets), missing):
-                    file.writestr(*part)
+                for _, clean in _readable(name, partial(redaction.of_part, name, data, secrets), missing):
+                    shown = redaction.redacted(name.encode(), secrets).decode()
+                    same = sum(one.startswith(shown) for one in file.namelist()) if shown != name else 0
+                    file.writestr(f"{shown}.{same}" if same else shown, clean)
             file.writestr("missing.txt", redaction.redacted("\n".join([*missing, ""]).encode(), secrets))
         own_files.rename(half, archive)
     finally:
@@ -96,12 +96,16 @@ def _write(archive: Path, folder: Path, records: int, missing: list[str]) -> Non
 
 
 def _secrets(folder: Path, missing: list[str]) -> list[bytes]:
+    """The longest first."""
+    found, names = list[bytes](), list[str]()
     try:
         with contextlib.closing(Store(folder)) as store:
-            return redaction.of_shop(store)
+            found, names = redaction.of_shop(store), [one.name for one in store.programs.list()]
     except StoreError as error:
-        missing.append(f"secrets: {messages.text(messages.of_error(error), spoken.get())}")
-        return []
+        missing.append(f"secrets: {in_words(messages.of_error(error))}")
+    with contextlib.suppress(OSError, sqlite3.Error), history.reading(folder) as past:
+        names += past.by_program()
+    return sorted([*found, *redaction.of_names(names)], key=len, reverse=True)
 
 
 def _parts(folder: Path, records: int, missing: list[str]) -> Iterator[Part]:
@@ -128,7 +132,7 @@ def _readable(name: str, make: Callable[[], bytes], missing: list[str]) -> Itera
     try:
         yield name, make()
     except (OSError, ValueError, sqlite3.Error, StoreError, ConfigError, Refused) as error:
-        missing.append(f"{name}: {messages.text(messages.of_error(error), spoken.get())}")
+        missing.append(f"{name}: {in_words(messages.of_error(error))}")
 
 
 def _read(file: Path, within: Path) -> bytes:

@@ -11,9 +11,9 @@ import typer
 from rich.table import Table
 
 from controller.cli import remote
-from controller.cli.client import Json, TakeOver, Url, connected, named, tell_done
+from controller.cli.client import Url, connected, named, tell_done
 from controller.cli.offsets import typed
-from controller.cli.speech import say, speaking
+from controller.cli.speech import say
 from controller.machine import tool_files
 from controller.machine.tool_files import TableRefused
 from controller.messages import text
@@ -25,28 +25,24 @@ FLAGS = {"true": True, "false": False}  # as centre_cutting has them
 KEPT = ("name", "radius_mm", "length_mm", "flute_mm")  # what REST asks for of a tool that is changed
 
 
-@speaking
 def tools(
     values: Annotated[list[str] | None, typer.Argument()] = None,
     change: Annotated[int | None, typer.Option("--set")] = None,
-    touch: Annotated[list[str] | None, typer.Option("--touch")] = None,
-    delete: Annotated[int | None, typer.Option("--delete")] = None,
+    touch: list[str] | None = None,
+    delete: int | None = None,
     write: Annotated[Path | None, typer.Option("--export")] = None,
     read: Annotated[Path | None, typer.Option("--import")] = None,
-    flute: Annotated[
-        float | None,
-        typer.Option("--flute"),
-    ] = None,
-    picture: Annotated[int | None, typer.Option("--picture")] = None,
-    life: Annotated[int | None, typer.Option("--life")] = None,
-    minutes: Annotated[float | None, typer.Option("--minutes")] = None,
-    metres: Annotated[float | None, typer.Option("--metres")] = None,
-    parts: Annotated[int | None, typer.Option("--parts")] = None,
-    sister: Annotated[int | None, typer.Option("--sister")] = None,
-    renewed: Annotated[int | None, typer.Option("--renewed")] = None,
-    take_over: TakeOver = False,
+    flute: float | None = None,
+    picture: int | None = None,
+    life: int | None = None,
+    minutes: float | None = None,
+    metres: float | None = None,
+    parts: int | None = None,
+    sister: int | None = None,
+    renewed: int | None = None,
+    take_over: bool = False,
     url: Url = remote.URL,
-    as_json: Json = False,
+    as_json: bool = False,
 ) -> None:
     """Show the tool table; change it; in and out of LinuxCNC's tool.tbl, or JSON with ISO 13399's names."""
     given = {"cut_min": minutes, "cut_m": metres, "parts": parts, "sister": sister}

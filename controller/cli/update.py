@@ -15,9 +15,6 @@ import sys
 import tempfile
 import zipfile
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from controller import atomic_file
 from controller.cli import installation, locked
@@ -30,16 +27,12 @@ LINK = Path("/usr/local/bin/directrix")
 WHEEL = re.compile(r"directrix-(?P<version>[0-9][0-9A-Za-z.+!]*)-py3-none-any\.whl")
 
 
-def update(
-    wheel: Annotated[Path, typer.Argument()],
-    sha256: Annotated[str, typer.Option("--sha256")] = "",
-    packages: Annotated[Path | None, typer.Option("--packages")] = None,
-) -> None:
+def update(wheel: Path, sha256: str = "", packages: Path | None = None) -> None:
     """Install a release beside this version, by its lock, and have the services run it from their next start.
 
     The environment of this version stays: rollback goes back to it.
     """
-    with refusals(False, lambda: (OSError,)):
+    with refusals(False):
         as_root("update")
         with tempfile.TemporaryDirectory() as scratch:
             version, own, lock = checked(wheel, sha256, Path(scratch))
@@ -59,7 +52,7 @@ def update(
 
 def rollback() -> None:
     """Have the services run the version before the last update from their next start; nothing is deleted."""
-    with refusals(False, lambda: (OSError,)):
+    with refusals(False):
         as_root("rollback")
         known = [one for one in environments() if python_of(one).exists()]
         if len(known) < 2:

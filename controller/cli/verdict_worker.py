@@ -18,7 +18,7 @@ from controller.cli import verify
 from controller.messages import message
 from controller.runtime import children
 
-NICE = 15  # behind the checks, which somebody waits for
+NICE = 15  # after the checks, which somebody waits for
 
 
 def main() -> None:

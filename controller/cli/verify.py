@@ -13,7 +13,7 @@ import typer
 from rich.table import Table
 
 from controller import messages
-from controller.cli import speech, workers
+from controller.cli import workers
 from controller.machine import machine_file
 from controller.machine.model import Machine, Tool
 from controller.plan.report.verdict import Verdict
@@ -24,27 +24,16 @@ from controller.runtime import checked, events
 from controller.state.record_files import TRACE
 from controller.verify import passes, tables, trace, wording
 from controller.verify.audit import Watched, findings_of
-from controller.verify.console import Refused, bar, refusals, say, show, spoken, tell
+from controller.verify.console import Refused, bar, in_words, refusals, say, show, spoken, tell
 from controller.verify.gouges import Findings, Gouge, gouges, in_table
 from controller.verify.judge import SETTLED_MM, Judged, Worst, Zone, judge
 from controller.verify.nominal import Nominal
 from controller.verify.sweep import FIT_MM, Pass
-from controller.workers import Spread, here
+from controller.workers import Spread, Workers, here
 
 if TYPE_CHECKING:
     from controller.verify.bound import Bound
 
-Argument = Annotated[Path, typer.Argument()]
-Program = Annotated[Path | None, typer.Option("--program")]
-MachineFile = Annotated[str, typer.Option("--machine")]
-Commanded = Annotated[bool, typer.Option("--commanded")]
-GougeWord = Annotated[Literal["refuse", "warn"] | None, typer.Option("--gouge")]
-BoundWord = Annotated[
-    bool,
-    typer.Option("--bound"),
-]
-Plot = Annotated[Path | None, typer.Option("--plot")]
-Json = Annotated[bool, typer.Option("--json")]
 
 MAX_ROWS = 40  # of the table
 MAX_SURFACES = 1000  # of a run, that are listed
@@ -52,8 +41,8 @@ BOUND_S = 5.0  # that the search for one surface takes, about
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
-    """Everything that is told of a program or of a trace."""
+class Verification:
+    """Everything that is reported of a program or of a trace."""
 
     of: str  # 'plan', 'actual', 'commanded'
     judged: list[Judged]
@@ -78,7 +67,7 @@ class Found:
         else:
             first = self.gouges[0]
             told = first.with_advice("gouge.one", line=first.by_line, more=_others(len(self.gouges) - 1))
-        return messages.text(told, spoken.get())
+        return in_words(told)
 
     def to_dict(self, machine: Machine) -> dict[str, Any]:
         return {
@@ -100,24 +89,23 @@ def _others(count: int) -> messages.Message | str:
 
 
 def _gouges_json(gouges: Sequence[Gouge]) -> list[dict[str, Any]]:
-    return [{**one.to_dict(), "sentence": messages.text(one.message, spoken.get())} for one in gouges]
+    return [{**one.to_dict(), "sentence": in_words(one.message)} for one in gouges]
 
 
-@speech.speaking
 def verify(
-    file: Argument,
-    program: Program = None,
-    machine: MachineFile = "trunnion",
-    commanded: Commanded = False,
-    gouge: GougeWord = None,
-    plot: Plot = None,
-    with_bound: BoundWord = False,
+    file: Path,
+    program: Path | None = None,
+    machine: str = "trunnion",
+    commanded: bool = False,
+    gouge: Literal["refuse", "warn"] | None = None,
+    plot: Path | None = None,
+    with_bound: Annotated[bool, typer.Option("--bound")] = False,
     count: workers.Count = 0,
     cluster: workers.Cluster = "",
-    as_json: Json = False,
+    as_json: bool = False,
 ) -> None:
     """Compute the surface as cut: overcut and undercut along the normal, gouges, collisions."""
-    with refusals(as_json, _expected):
+    with refusals(as_json):
         recorded: trace.Trace | None = None
         spoilt: list[dict[str, Any]] = []
         if (file / events.FILE).is_file():
@@ -132,12 +120,12 @@ def verify(
             recorded = None if part is file else _recorded(file, task)
         task = _lenient(task)
         refuses = (gouge or made.gouge) == "refuse"
-        with workers.spread(count, cluster) as spread:
+        with Workers(count, cluster) as crew:
             with bar(say("cli.bar.verifying"), as_json) as progress:
-                found = _found(task, recorded, commanded, progress, spread)
+                found = _found(task, recorded, commanded, progress, crew.each)
             if with_bound:
                 with bar(say("cli.bar.searching"), as_json) as progress:
-                    found = replace(found, bounds=_bounds(found.judged, progress, spread))
+                    found = replace(found, bounds=_bounds(found.judged, progress, crew.each))
         if plot:
             from controller.verify import pictures
 
@@ -151,7 +139,7 @@ def verify(
         if not as_json:
             show_found(found)
             for one in spoilt:
-                show.print(one["sentence"], markup=False)
+                show.print(one["sentence"])
         if bad:
             raise Refused(f"{task.name}: {found.wrong}", **figures)
 
@@ -159,7 +147,7 @@ def verify(
 def of_run(folder: Path) -> dict[str, Any]:
     """A recorded run as its drives have cut it: verdict, how many gouges, and each surface in mm.
 
-    Raises what ``expected`` of recorded runs has, Refused, ProgramError, OSError.
+    Raises Refused, TextError, ConfigError, ProgramError, OSError.
     """
     task, recorded, spoilt = _run_again(folder, as_json=True)
     found = _found(_lenient(task), recorded, False, lambda _: None, here)
@@ -175,7 +163,7 @@ def of_run(folder: Path) -> dict[str, Any]:
     return {**told, "partial": bool(spoilt)}
 
 
-def judged(task: checked.Task, as_json: bool) -> Found:
+def judged(task: checked.Task, as_json: bool) -> Verification:
     """A program as it is planned. Raises ProgramError."""
     with bar(say("cli.bar.verifying"), as_json) as progress:
         return _found(_lenient(task), None, False, progress, here)
@@ -188,12 +176,6 @@ def _lenient(task: checked.Task) -> checked.Task:
 
 def _mm(worst: Worst | None) -> float:
     return worst.mm if worst is not None else 0.0
-
-
-def _expected() -> tuple[type[Exception], ...]:
-    from controller.cli import recorded_runs
-
-    return recorded_runs.expected()
 
 
 def _run_again(folder: Path, as_json: bool) -> tuple[checked.Task, trace.Trace, list[dict[str, Any]]]:
@@ -240,7 +222,7 @@ def _recorded(file: Path, task: checked.Task) -> trace.Trace:
 
 def _found(
     task: checked.Task, recorded: trace.Trace | None, commanded: bool, progress: Any, spread: Spread
-) -> Found:
+) -> Verification:
     checked.place_ahead(task, spread)
     walk = checked.path_of(task, checked.chosen_for(task, lambda share: progress(0.1 * share)))
     watched = Watched(walk.items)
@@ -263,7 +245,7 @@ def _found(
     ]
     of = "plan" if recorded is None else "commanded" if commanded else "actual"
     verdicts = [one for one in seen.verdicts if one.line not in left]
-    return Found(of, judged, seen.gouges, seen.ends, verdicts, notes)
+    return Verification(of, judged, seen.gouges, seen.ends, verdicts, notes)
 
 
 def _findings_of_trace(
@@ -326,10 +308,10 @@ def _errors_mm(recorded: trace.Trace, task: checked.Task, ways: Mapping[Tool, li
 # ---- for people --------------------------------------------------------------------
 
 
-def show_found(found: Found) -> None:
+def show_found(found: Verification) -> None:
     """The table of the surfaces, gouges, bounds and verdicts."""
     for note in found.notes:
-        tell.print(say("table.note", line=note.place.line, note=note.said), markup=False)
+        tell.print(say("table.note", line=note.place.line, note=note.said))
     if found.judged:
         show.print(_table(found))
     for one in found.gouges:
@@ -337,18 +319,18 @@ def show_found(found: Found) -> None:
     for one in found.ends:
         _show_gouge(one, "gouge.overcut_on_line")
     for bounded in found.bounds or ():
-        show.print(say("cli.verify.bound", line=bounded.line, sentence=bounded.sentence), markup=False)
+        show.print(say("cli.verify.bound", line=bounded.line, sentence=bounded.sentence))
     if found.bounds == []:
-        show.print(say("table.no_bound"), markup=False)
-    if sentence := messages.text(wording.summed(found.verdicts), spoken.get()):
-        show.print(sentence, markup=False)
+        show.print(say("table.no_bound"))
+    if sentence := in_words(wording.summed(found.verdicts)):
+        show.print(sentence)
 
 
 def _show_gouge(one: Gouge, key: str) -> None:
-    show.print(messages.text(one.with_advice(key, line=one.by_line), spoken.get()), markup=False)
+    show.print(in_words(one.with_advice(key, line=one.by_line)))
 
 
-def _table(found: Found) -> Table:
+def _table(found: Verification) -> Table:
     heads = ("line", "where", "overcut_um", "undercut", "mean", "percentile", "worst_at")
     of = messages.Key(f"table.of_{found.of}")
     table = tables.headed("table.judged", heads, left=("where", "worst_at"), of=of)

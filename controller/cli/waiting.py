@@ -6,17 +6,16 @@ back before: while a script waits, an operator may hold, resume and stop as ever
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Mapping
 from typing import Any
 
 from controller.cli.remote import Machine
 from controller.cli.speech import say
-from controller.verify.console import Refused, bar, show, tell
+from controller.verify.console import Refused, answered, bar, show, tell
 
 POLL_S = 0.2  # between two looks
-SILENT_S = 15.0  # so long nobody may tell of the run before its end is given up
+SILENT_S = 15.0  # so long nobody may know of the run before its end is given up
 MAX_RUNS = 200  # of the list, in which an ended one is looked for
 COMPLETED = "completed"
 UNKNOWN = "unknown"
@@ -53,14 +52,12 @@ def to_its_end(machine: Machine, run: str, as_json: bool) -> None:
     try:
         ended = _ended(machine, run, as_json)
     except KeyboardInterrupt:
-        tell.print(say("goes_on"), markup=False)
+        tell.print(say("goes_on"))
         raise
     if ended["result"] != COMPLETED:
         raise RunEnded(ended["sentence"] or say("ended_as", **ended), ended)
-    if as_json:
-        print(json.dumps({"ok": True, "run": ended}))
-    else:
-        show.print(say("completed", program=ended["program"]), markup=False)
+    if not answered(as_json, run=ended):
+        show.print(say("completed", program=ended["program"]))
 
 
 def _ended(machine: Machine, run: str, as_json: bool) -> dict[str, Any]:
@@ -109,7 +106,7 @@ def _ask(now: Mapping[str, Any], before: str) -> str:
     if now.get("mode") != "HOLD" or step.get("waits") or not step.get("sentence"):
         return before if now.get("mode") == "HOLD" else ""
     if (sentence := str(step["sentence"])) != before:
-        tell.print(sentence, markup=False)
+        tell.print(sentence)
     return sentence
 
 

@@ -108,6 +108,7 @@ def given(*names: str) -> tuple[Argument, ...]:
 
 # ---- the table
 
+PANEL_LOSSES = ("store_gone", "store_lost", "store_rows", "users_lost", "users_lost_some")  # keys of texts
 ALL: tuple[Command, ...] = (
     look("status", lane=Lane.QUICK),
     look("facts"),
@@ -559,7 +560,7 @@ ALL: tuple[Command, ...] = (
         "panel_damaged",
         Access.OPERATE,
         (
-            Argument("key", Choice(("store_lost", "store_rows", "users_lost", "users_lost_some"))),
+            Argument("key", Choice(PANEL_LOSSES)),
             Argument("values", Named(4, 0.0, MAX_WHOLE, 1000), "Of the text of that key."),
         ),
         lane=Lane.LOOK,

@@ -208,10 +208,21 @@ class Io:
         Sub(AnalogueOut, named=True), "E0, E1 ... of M67 and M68, by name", default=()
     )
     orient: Orient | None = key(Sub(Orient), "of M19: the spindle's drive goes to its angle", default=None)
+    read_on: tuple[str, ...] = key(
+        NAMES,
+        "of `digital_in` those that programs read as 1 (#1000 is P0 of M66): they go on where they are on",
+        default=(),
+    )
+    read_off: tuple[str, ...] = key(NAMES, "likewise as 0, where they are off", default=())
     changer_out: tuple[str, ...] = ()  # outputs of the tool changer, which no program has by number ...
     changer_in: tuple[str, ...] = ()  # ... and the inputs that it waits for
     gear_out: tuple[str, ...] = ()  # likewise of the spindle's gears
     gear_in: tuple[str, ...] = ()
+
+    def read_as(self, number: int) -> bool | None:
+        """What programs read of one of ``digital_in``; None: it is known only while they run."""
+        name = self.digital_in[number]
+        return name in self.read_on if name in (*self.read_on, *self.read_off) else None
 
     @property
     def switched(self) -> tuple[str, ...]:
@@ -269,10 +280,17 @@ def _check_of_programs(here: Reading, kind: str) -> None:
             here.table.refuse(kind, "not_of_programs", name=name, kind=what, allowed=allowed)
 
 
-def _check_held(here: Reading) -> None:
-    if any(name not in here["digital_out"] for name in here["held"]):
-        allowed = ", ".join(here["digital_out"]) or Key("file.no_digital_out")
-        here.table.refuse("held", "held_unknown", allowed=allowed)
+def _check_listed(here: Reading) -> None:
+    """What is said of inputs and outputs of programs is of such, and once."""
+    for what, names, others in (
+        ("held", "digital_out", ()),
+        ("read_on", "digital_in", ()),
+        ("read_off", "digital_in", here["read_on"]),
+    ):
+        known = [name for name in here[names] if name not in others]
+        if any(name not in known for name in here[what]):
+            allowed = ", ".join(known) or Key("file.no_free_name")
+            here.table.refuse(what, "not_listed", names=names, allowed=allowed)
 
 
 def _check_orient(here: Reading) -> None:
@@ -382,7 +400,7 @@ RULES: Mapping[type, Rules] = {
         checks=(
             lambda here: _check_of_programs(here, "digital_in"),
             lambda here: _check_of_programs(here, "digital_out"),
-            _check_held,
+            _check_listed,
             _check_orient,
             _check_channels,
         ),

@@ -44,7 +44,7 @@ from controller.machine.offset_table import OFFSETS as OFFSETS
 from controller.machine.offset_table import STILL as STILL
 from controller.machine.offset_table import Offset as Offset
 from controller.machine.offset_table import Pair as Pair
-from controller.machine.program_table import OWN, OWN_CODES, SUB_FOLDERS
+from controller.machine.program_table import NAMED, OWN, OWN_CODES, SUB_FOLDERS
 from controller.machine.reading import Reading, Rules
 from controller.machine.records_table import Records
 from controller.machine.spindle import AdaptiveFeed as AdaptiveFeed
@@ -436,6 +436,11 @@ class Machine:
     )
     own_codes: tuple[tuple[str, str], ...] = key(
         OWN, f"codes of the machine's own ({OWN_CODES}): the name of a sub, or the code meant", default=()
+    )
+    named_values: tuple[tuple[str, float], ...] = key(
+        NAMED,
+        "of what programs for LinuxCNC read as `#<_ini[SECTION]NAME>` and `#<_hal[PIN]>`",
+        default=(),
     )
     turned_rad: tuple[Pair, ...] = ()  # of the work offsets, in their order; one that is missing stands still
     shift: Shift = Shift()  # of G92, from one program to the next ...

@@ -14,6 +14,7 @@ _G_CODE = re.compile(r"G[1-9][0-9]{2}(\.[0-9])?")
 OWN_CODES = f"{M_CODES}, G100 to G999.9"
 CODE = re.compile(r"[GM][0-9]{1,3}(\.[0-9])?")  # one that another stands for
 _SUB = re.compile(r"[a-z_0-9][a-z_0-9-]*")
+_VALUE = re.compile(r"_(ini|hal)\[[^<>\[\]#;]+\][^<>\[\]#;]*", re.IGNORECASE)
 _FOLDERS, _TABLE = message("file.may.folders"), message("file.may.table")
 
 
@@ -44,5 +45,18 @@ def _own_codes(here: Reading, name: str) -> tuple[tuple[str, str], ...]:
     return tuple(found)
 
 
+def _named_values(here: Reading, name: str) -> tuple[tuple[str, float], ...]:
+    """``named_values = { "_ini[TOOLSENSOR]X" = 12.5 }``. Raises ConfigError."""
+    values = here.table.table(name, f"{here.table.name} {name}")
+    found: list[tuple[str, float]] = []
+    for one in values.written:
+        if not _VALUE.fullmatch(one):
+            values.refuse(one, "no_named_value", allowed=message("file.may.named_value"))
+        found.append(("".join(one.split()).lower(), values.number(one)))
+    values.finish()
+    return tuple(found)
+
+
 SUB_FOLDERS = Own(_sub_folders, _FOLDERS, {"type": "array", "items": {"type": "string"}})
+NAMED = Own(_named_values, _TABLE, {"type": "object", "additionalProperties": {"type": "number"}})
 OWN = Own(_own_codes, _TABLE, {"type": "object", "additionalProperties": {"type": "string"}})

@@ -6,7 +6,7 @@ motions; of another program nothing is kept (``memory.forget``).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, TypeVar
 
 from controller.ipc.handoff import StopTable
@@ -29,6 +29,9 @@ class _Newest:
     def __init__(self) -> None:
         self._found: dict[tuple[object, ...], tuple[Any, int]] = {}
         self._numbers = 0
+
+    def __contains__(self, on: tuple[object, ...]) -> bool:
+        return on in self._found
 
     def of(self, on: tuple[object, ...], answer: Callable[[], T], numbers: Callable[[T], int]) -> T:
         if (known := self._found.get(on)) is None:
@@ -53,6 +56,17 @@ def law(course: FeedCourse, begin: State, until: float | None, guess: Profile | 
         return profile.plan(course, begin, until, guess)
     on = ("law", course.made_of, begin, until, _bytes(guess))
     return _newest().of(on, lambda: profile.plan(course, begin, until, guess), _size)
+
+
+def laws(courses: Sequence[FeedCourse]) -> list[Profile | None]:
+    """As ``law`` of each from rest to rest, with one search for all that are not known."""
+    ons = [("law", one.made_of, profile.REST, None, None) if _is_cacheable(one) else None for one in courses]
+    new = [k for k, on in enumerate(ons) if on is None or on not in _newest()]
+    found = dict(zip(new, profile.plan_each([courses[k] for k in new]), strict=True))
+    return [
+        found[k] if on is None else _newest().of(on, lambda k=k: found[k], _size)  # type: ignore[misc]
+        for k, on in enumerate(ons)
+    ]
 
 
 def stops(course: FeedCourse, found: Profile, first_s: float, last_s: float, step_s: float) -> StopTable:

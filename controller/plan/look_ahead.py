@@ -148,6 +148,7 @@ class _Reach(NamedTuple):
     rests: bool  # for good: it is not to be replaced by the next window
     marked: bool = False  # a block of the program ends there ...
     optional_stop: bool = False  # ... with an M1
+    takes_s: float = math.inf  # about, where it is known to end at a rest of the path
 
 
 class Units(Protocol):
@@ -262,7 +263,7 @@ class Windows:
             if sum(takes) > WHOLE_SHARE * seconds and start + unit.length - place.s > least:
                 return self._cut(units, takes, place.s, seconds, least)
             if unit.rests or (at_end and skipped <= 0):
-                return _whole(units)
+                return _whole(units)._replace(takes_s=sum(takes))
             skipped -= at_end
             number, start = number + 1, start + unit.length
             s = ahead.begin if (ahead := track.at(number)) is not None else 0.0

@@ -8,9 +8,9 @@ rest, in a pause.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import ClassVar, NamedTuple, NoReturn
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -35,7 +35,8 @@ from controller.program.program import (
     Probing,
 )
 
-STANDS_MM = 1e-6  # X Y Z, or a tip, that moves less stands: s is then the turn in degrees
+STANDS_MM = 1e-6  # X Y Z, or a tip, that moves less stands: s is then the turn in degrees, ...
+MAX_DEG_PER_MM = 1e5  # ... and where X Y Z move so little beside it that its places are one
 
 MIN_TIP_RATE = 1e-3  # where the tip all but stands the rotaries alone set the speed
 
@@ -257,20 +258,6 @@ class Path:
     end: Joints
 
 
-Tell = Callable[[Place, Message], None]
-
-
-@dataclass(frozen=True, slots=True)
-class Diagnostics:
-    """How the parts of the trace speak: refuse a block, or note something about it."""
-
-    program: str
-    tell: Tell
-
-    def refuse(self, place: Place, why: Message) -> NoReturn:
-        raise place.refusal(self.program, why)
-
-
 def rotaries_of(joints: Joints, kinematics: Kinematics) -> Rotaries:
     """The pair of rotaries out of joints."""
     return kinematics.rotaries(joints)
@@ -298,14 +285,14 @@ def straight(
 ) -> Segment | None:
     """A line of joint space; None where nothing moves.
 
-    s is in millimetres of X Y Z; where only rotaries move, in degrees, at ``feed_deg_s``
+    s is in millimetres of X Y Z; where hardly more than rotaries move, in degrees, at ``feed_deg_s``
     (if left out, the number of ``feed_mm_s``).
     """
     a, b = xyz_of(start, kinematics), xyz_of(end, kinematics)
     first, last = rotaries_of(start, kinematics), rotaries_of(end, kinematics)
     length, feed = norm(subtract(b, a)), feed_mm_s
-    if length < STANDS_MM:
-        turned = math.degrees(math.hypot(last[0] - first[0], last[1] - first[1]))
+    turned = math.degrees(math.hypot(last[0] - first[0], last[1] - first[1]))
+    if length < max(STANDS_MM, turned / MAX_DEG_PER_MM):
         length = max(length, turned)
         feed = feed_mm_s if feed_deg_s is None else feed_deg_s
     if length < ROUNDING:

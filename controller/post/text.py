@@ -28,7 +28,7 @@ COOLANT = {0: "M9", 1: "M7", 2: "M8", 3: "M7 M8"}
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
+class PostOptions:
     """What to write, and for which machine."""
 
     machine: Machine
@@ -43,7 +43,7 @@ class Asked:
         return self.machine.offsets[self.offset]
 
 
-def post(items: Sequence[PathItem], tools: Iterable[tuple[int, Tool]], asked: Asked) -> str:
+def post(items: Sequence[PathItem], tools: Iterable[tuple[int, Tool]], asked: PostOptions) -> str:
     """The program of a path. ``tools``: from which order of its own blocks on which tool is in the "
     "spindle."""
     writer = _Writer(asked, list(tools))
@@ -57,7 +57,7 @@ def post(items: Sequence[PathItem], tools: Iterable[tuple[int, Tool]], asked: As
     return "\n".join([*writer.lines, ""])
 
 
-def _mode(items: Sequence[PathItem], asked: Asked) -> str:
+def _mode(items: Sequence[PathItem], asked: PostOptions) -> str:
     """How corners are passed; the axis may be off by no more than the chord at the top of the flank."""
     if not asked.blend:
         return "G61"
@@ -70,7 +70,7 @@ def _mode(items: Sequence[PathItem], asked: Asked) -> str:
 
 
 class _Writer:
-    def __init__(self, asked: Asked, tools: list[tuple[int, Tool]]) -> None:
+    def __init__(self, asked: PostOptions, tools: list[tuple[int, Tool]]) -> None:
         self._asked, self._tools = asked, tools
         self.lines: list[str] = []
         self._timed = False  # G93 holds

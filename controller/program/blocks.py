@@ -64,7 +64,7 @@ from controller.program.given import Given
 from controller.program.line import CommonRun, Upcoming
 from controller.program.modal import TIPS, State
 from controller.program.offset_words import Here
-from controller.program.parameters import Parameters
+from controller.program.parameters import Name, Parameters
 from controller.program.plain import CommonLines
 from controller.program.position import Position, homed
 from controller.program.program import (
@@ -154,7 +154,8 @@ def stream(
         in_force.add(0, given.state)
     system = SystemVariables(machine, given) if machine.dialect == "fanuc" else None
     left = given.state.parameters
-    parameters = Parameters(given, machine.parameters, machine.kept, system, left)
+    values: tuple[tuple[Name, float], ...] = (*machine.parameters, *machine.named_values)
+    parameters = Parameters(given, values, machine.kept, system, left)
     own = own_codes.calls(machine)
     limits = Limits(machine.call_levels, machine.program_passes, machine.without_point, own)
     common = CommonLines(machine, given)
@@ -400,6 +401,8 @@ class _BlockInterpreter:
         moving = moving or (named in ("G2", "G3") and self.ask.has("RP"))
         if named in SURFACES or named in CURVES or named in PROBES or named in pocket_words.CODES:
             return named
+        if self.ask.code("one-line") == "G60" and named in ("", "G0"):
+            return "G0" if self.ask.has(self._axes) else ""
         if named == "G80":
             named = self._beneath()
             return named if moving else ""
@@ -533,9 +536,10 @@ class _BlockInterpreter:
             raise self.ask.refusal(self.ask.codes["one-line"][1], "word.g53_alone")
         named = self.ask.code("motion")
         harmless = ("", "G80") if self._machine.dialect == "rs274" else ("", "G80", "G0", "G1", "G2", "G3")
-        if self._holder and named not in harmless:
-            word = self.ask.codes["motion"][1]
-            raise self.ask.refusal(word, "word.two_take_axes", code=named, other=self._holder)
+        for other, beside in ((self._holder, harmless), (once if once == "G60" else "", ("", "G80", "G0"))):
+            if other and named not in beside:
+                word = self.ask.codes["motion"][1]
+                raise self.ask.refusal(word, "word.two_take_axes", code=named, other=other)
 
     # ---- what is done ------------------------------------------------------------------
 
@@ -561,6 +565,11 @@ class _BlockInterpreter:
             self._note("note.nurbs_order", self.ask.words["L"])
         if self._is_fanuc and self.ask.takers.get("P") == "G81":
             self._note("note.g81_p", self.ask.words["P"])
+        for letter in "PR":
+            if self.ask.takers.get(letter) == "G31":
+                self._note("note.skip_signal", self.ask.words[letter])
+        if self.ask.code("one-line") == "G60":
+            self._note("note.one_side", self.ask.codes["one-line"][1])
         for key, word in self.ask.lenient:
             if key not in self.state.noted:
                 told = message(key, word=word.text)

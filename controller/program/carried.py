@@ -37,6 +37,7 @@ _OF_THE_TEXT = (
     "noted",
     "marks",
     "cleared",
+    "answer",
 )
 _FOUND_AGAIN = ("part", "turned_rad", "cutter", "tilted", "planar", "outputs", "beside_mm", "written")
 

@@ -2,22 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from enum import Enum
 
 from controller.messages import Key, Message, message, text
 
 AXES = "@"  # in ``letters``: the axes of the machine
-
-NIST = "RS-274/NGC"
-LINUXCNC = "LinuxCNC"
-FANUC = "Fanuc"
-HAAS = "Haas"
-PAPER = "Lin & Koren"
-HURCO = "Hurco"
-MAZAK = "Mazak"
-BROTHER = "Brother"
-OURS = "Directrix"
 
 
 class Fate(Enum):
@@ -62,49 +53,76 @@ class Code:
         return message("note.needs_nothing", code=self.name, meaning=meaning, told=Key(self.note))
 
 
-def done(group: str, source: str, *rows: tuple[str, str, str], dialect: str = "") -> list[Code]:
-    """Rows of name, letters, meaning."""
-    return [Code(name, group, letters, source, meaning, dialect=dialect) for name, letters, meaning in rows]
+_SOURCES = {"NIST": "RS-274/NGC", "paper": "Lin & Koren"}  # of those that are not as written
+_WORDS = ("rs274", "fanuc", "alone")
+
+
+def done(table: str, forms: Mapping[tuple[str, str], Mapping[str, str]]) -> Iterator[Code]:
+    """Rows of a text: a group, and below it NAME SOURCE [dialect] [alone] [letters]: MEANING.
+
+    ``forms``: of codes that take other letters beside a word or in a plane, by name and dialect.
+    """
+    group = ""
+    for line in table.strip().splitlines():
+        if not line.startswith(" "):
+            group = line
+            continue
+        head, _, meaning = line.partition(": ")
+        name, source, *rest = head.split()
+        dialect = next((word for word in rest if word in _WORDS[:2]), "")
+        letters = "".join(word for word in rest if word not in _WORDS)
+        source, others = _SOURCES.get(source, source), tuple(forms.get((name, dialect), {}).items())
+        alone = "alone" in rest
+        yield Code(name, group, letters, source, meaning, dialect=dialect, forms=others, alone=alone)
 
 
 BESIDE_MOTION = ("G9", "G15", "G62")  # what needs no action, and stands in the lines of a modal motion
+_ONLY = {"G54.4": "P0", "G10.9": "X0"}  # with this word alone; refused with any other
+_GROUPS = {"M51": "overrides"}  # of what needs no action, and is no group of its own
 
 
-def alone(rows: list[Code], *names: str) -> list[Code]:
-    """The same, those of these names beside no modal motion; without names all."""
-    return [replace(row, alone=True) if not names or row.name in names else row for row in rows]
+def _sections(table: str) -> Iterator[tuple[str, str, str]]:
+    """Source, dialect and rows of each line of a text."""
+    for line in table.strip().splitlines():
+        head, _, rows = line.partition(": ")
+        source, _, dialect = head.partition(" ")
+        yield source, dialect, rows
 
 
-def noted(source: str, *rows: tuple[str, str, str], dialect: str = "") -> list[Code]:
-    """Rows of name, letters, and why it needs no action, as ``told`` of the catalogue has it.
+def noted(table: str) -> Iterator[Code]:
+    """Rows of a text: SOURCE [dialect]: NAME [letters] WHY, ...
 
     The G codes among them stand in a block of their own on the controls that have them, but for a few.
     """
-    made = []
-    for name, letters, why in rows:
-        meaning, told = (text(message(key)) for key in (key_of("meaning", name, dialect), f"told.{why}"))
-        own_line = name[0] == "G" and name not in BESIDE_MOTION
-        row = Code(name, name, letters, source, meaning, told, Fate.NOTED, dialect, note=f"told.{why}")
-        made.append(replace(row, alone=own_line))
-    return made
+    for source, dialect, rows in _sections(table):
+        for one in rows.split(", "):
+            name, *letters, why = one.split()
+            only = _ONLY.get(name, "")
+            keys = key_of("meaning", name, dialect), f"told.{why}", key_of("instead", name, dialect)
+            meaning, told = (text(message(key)) for key in keys[:2])
+            instead = text(message(keys[2])) if only else ""
+            yield Code(
+                *(
+                    name,
+                    _GROUPS.get(name, name),
+                    "".join(letters),
+                    source,
+                    meaning,
+                    told,
+                    Fate.NOTED,
+                    dialect,
+                ),
+                *(only, instead, keys[1]),
+                alone=name[0] == "G" and name not in BESIDE_MOTION,
+            )
 
 
-def refused(source: str, names: str, dialect: str = "") -> list[Code]:
-    """Rows of which the catalogue has the meaning, and what to write instead."""
-    made = []
-    for name in names.split():
-        meaning, instead = (text(message(key_of(part, name, dialect))) for part in ("meaning", "instead"))
-        made.append(Code(name, "", "", source, meaning, instead, Fate.REFUSED, dialect))
-    return made
-
-
-def only(word: str, *rows: tuple[str, str, str, str]) -> list[Code]:
-    """Noted with one word, refused else, under fanuc: name, letters, source, why it needs no action."""
-    made = []
-    for name, letters, source, why in rows:
-        (row,) = noted(source, (name, letters, why), dialect="fanuc")
-        made.append(replace(row, only=word, instead=text(message(key_of("instead", name, "fanuc")))))
-    return made
+def refused(table: str) -> Iterator[Code]:
+    """Rows of a text, SOURCE [dialect]: NAME ...; the catalogue says what they mean and what to write."""
+    for source, dialect, rows in _sections(table):
+        for name in rows.split():
+            meaning, instead = (text(message(key_of(part, name, dialect))) for part in ("meaning", "instead"))
+            yield Code(name, "", "", source, meaning, instead, Fate.REFUSED, dialect)
 
 
 def key_of(part: str, name: str, dialect: str) -> Key:

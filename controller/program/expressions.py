@@ -28,7 +28,7 @@ SAME = 1e-4  # values that EQ takes for one, as LinuxCNC's interpreter
 MAX_BITS = 2.0**31  # of a value that is taken bit by bit
 
 _NUMBER = re.compile(r"[+-]?[ \t]*(?:[0-9][0-9 \t]*(?:\.[0-9 \t]*)?|\.[ \t]*[0-9][0-9 \t]*)")
-_NAME = re.compile(r"<([^<>\[\]#;\0]*)>")
+_NAME = re.compile(r"<((?:[^<>\[\]#;\0]|_(?:ini|hal)\[[^<>\[\]#;\0]*\])*)>")
 
 
 def _mod(a: float, b: float) -> float:
@@ -197,8 +197,7 @@ class Values:
         found = _NAME.match(self._text, self._at)
         name = "".join(found.group(1).split()) if found else ""
         if found is None or not name:
-            ini = self._text.startswith("<_ini[", self._at)
-            raise self.refusal(self._at, "value.no_ini" if ini else "value.no_name")
+            raise self.refusal(self._at, "value.no_name")
         self._at = found.end()
         return name
 

@@ -16,7 +16,7 @@ from controller.machine.model import CALL_LEVELS, PROGRAM_PASSES
 from controller.messages import Key, message
 from controller.program import macros, marks, own_codes
 from controller.program.expressions import GAPS, Values
-from controller.program.line import Line, Where, Word
+from controller.program.line import Line, Where, Word, waits
 from controller.program.macros import NUMBER_OF, Macro
 from controller.program.marks import ALONE, COMPUTED, STRUCTURES, Mark, Marks
 from controller.program.parameters import ARGUMENTS, Name, Parameters
@@ -122,10 +122,13 @@ class Run:
     def lines(self) -> Iterator[Line]:
         """All lines with words or messages, as often as they are carried out. Raises ProgramError."""
         while (frame := self._frames[-1]).at <= len(frame.source.text):
+            number = frame.number
             try:
                 line = self._next(frame)
             except ProgramError as error:
                 raise error.within(frame.callers) from None
+            for wait in waits(self._parameters.taken_reads(), frame.source.name, number):
+                yield from self._execute(wait, frame)
             if line is not None:
                 yield from self._execute(line, frame)
             if self._due is not None:
@@ -276,18 +279,22 @@ class Run:
 
     # ---- statements of macros
 
-    def _jump(self, mark: Mark) -> None:
-        """GOTO, where its condition holds."""
-        values, frame = self._values(mark), self._frames[-1]
+    def _jump(self, mark: Mark) -> Line | None:
+        """GOTO, where its condition holds, behind the settings that stand before it."""
+        frame, made = self._frames[-1], None
+        if "#" in (before := frame.source.text[mark.at : mark.at + mark.column - 1]):
+            made = self._scan(before, frame.source.name, mark.number, frame.callers)
+        values = self._values(mark)
         values.peek()
         if mark.keyword == macros.IF_GOTO:
             holds = values.bracket() != 0.0
             if not (holds and any(map(values.skip, macros.GOTO_WORDS))):
-                return
+                return None
         number = values.value(mark.rest, Key("value.label"))[0]
         self._at_end(mark, values)
         self._count(mark)
         frame.at, frame.number = self._target(mark, frame.source, number)
+        return made
 
     def _target(self, mark: Mark, source: Source, number: float) -> tuple[int, int]:
         """Offset and number of the line N ``number`` in the program or sub of a mark. Raises ProgramError."""

@@ -175,8 +175,10 @@ class Given:
             return self._of_probing(key)
         if key == _SUCCEEDED:
             return self._succeeded
-        if key == _ANSWER:
+        if key == _ANSWER and self.state.answer is None:
             raise NoValue("value.at_run")
+        if key == _ANSWER:
+            return self.state.answer
         if key in _OFFSETS:
             return self._offset(*divmod(key - FIRST_OFFSET, OFFSET_STEP))
         if key in _SHIFT:

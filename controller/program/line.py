@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 from controller.machine.changes import Change
 from controller.messages import Message, message
+from controller.program.parameters import INPUTS
 from controller.program.program import Block, Callers, Place, ProgramError
 
 # A common line as programs from CAM systems have them in millions: an N, G0 to G3, words in the usual order,
@@ -47,6 +48,7 @@ def common(axes: str) -> re.Pattern[str]:
 COMMON = common("ABC")
 Rows = Iterator[tuple[int, str]]  # numbers and texts of lines
 Other = tuple[int, str, re.Match[str] | None]  # one of them, and what COMMON finds in it
+READ_S = 10.0  # within which an input has to be as a program has read it; else it is held
 # Of ``Line.parts``, and of the groups of a match less one.
 MOTION, AXES, CENTRE, RADIUS, FEED, SPEED, FUNCTION = 0, 1, 7, 10, 11, 12, 13
 PARTS = MappingProxyType(
@@ -217,6 +219,13 @@ class Line:
         about = about or (word.text if word.letter in "GM" else word.letter)
         error = ProgramError(self.name, self.number, word.column, why, about)
         return error.within(self.where.calls) if self.where is not None else error
+
+
+def waits(reads: Mapping[int, bool], name: str, number: int) -> Iterator[Line]:
+    """Lines of M66 for inputs that a program has read as #1000 and on: it goes on where they are so."""
+    for k, on in reads.items():
+        values = (("M", 66.0), ("P", float(k)), ("L", 3.0 if on else 4.0), ("Q", READ_S))
+        yield Line(name, number, tuple(Word(*one, True, 1, f"#{INPUTS + k}") for one in values))
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,6 +2,7 @@
 
     WHILE [condition] DO1 ... END1      DO1 ... END1, which only a jump leaves
     GOTO 100                            to the line N100: the next one, else the first from the top
+    #1=2 GOTO 100                       a setting before it
     IF [condition] GOTO 100             IF [condition] THEN #1=2.
 
 They are written without an O-word and stand alone on their line; the first two letters of a word will
@@ -23,10 +24,12 @@ from collections.abc import Iterator
 from types import MappingProxyType
 from typing import NamedTuple
 
+from controller.messages import message
 from controller.program.expressions import GAPS
 from controller.program.line import ANGLES, AXES, CENTRE, LENGTHS, Line, Word, pointed
 from controller.program.marks import Mark, behind_bracket
 from controller.program.parameters import Name
+from controller.program.program import ProgramError
 from controller.program.source_text import NEWLINE, Text, without_comments
 
 GOTO, IF_GOTO, IF_THEN = "goto", "if goto", "if then"  # keywords; a loop is a while of an O-word
@@ -34,11 +37,12 @@ GOTO_WORDS, THEN_WORDS = ("goto", "go"), ("then", "th")  # as written
 
 _BEGIN = r"(?<![^\r\n])[ \t]*(?P<deleted>/[1-9]?)?[ \t]*"
 _STATEMENT = re.compile(
-    _BEGIN + r"(?:N[ \t]*[0-9]+[ \t]*)?"
+    _BEGIN + r"(?:N[ \t]*[0-9]+[ \t]*)?(?:#[^\r\n(;]*?(?=GO(?:TO)?[ \t]*[0-9#\[]))?"
     r"(?P<word>(?:WH(?:ILE)?|IF)(?=[ \t]*\[)|GO(?:TO)?(?=[ \t]*[0-9#\[])|(?:DO|END?)(?=[ \t]*[0-9]))",
     re.IGNORECASE,
 )
 _DO = re.compile(rf"do[ \t]*([0-9]+)[{GAPS}]*$")
+_DO_AND_MORE = re.compile(rf"(?:\][{GAPS}]*|(?<![a-z]))(do[ \t]*[0-9]+)[{GAPS}]*[^{GAPS}0-9]")
 _NUMBER = re.compile(rf"[ \t]*([0-9]+)[{GAPS}]*$")
 # A pattern for each letter: one that begins with a letter is looked for at a run.
 _SIGNS = [
@@ -68,6 +72,9 @@ def statements(text: str, name: str, end: int) -> Iterator[Mark]:
         raw, begins = text[at : newline.start() if newline else len(text)], found.start("word") - at
         bare = without_comments(raw, name, number).lower()
         kind = _kind(found["word"].lower(), bare, begins, loops)
+        if kind is None and (more := _DO_AND_MORE.search(bare, begins)) is not None:
+            why = message("flow.behind_do", do=" ".join(more[1].upper().split()))
+            raise ProgramError(name, number, more.end(1) + 1, why)
         if kind is not None:
             after = newline.end() if newline else len(text) + 1
             written = " ".join(raw[begins:].split())

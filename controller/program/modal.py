@@ -95,6 +95,7 @@ class State(NamedTuple):
     curve_goes: tuple[float, float] | None = None  # mm: where the G5 before leads on to
     begun: Begun | None = None  # a tilted plane that takes more lines
     polar: tuple[float, float, float, float] | None = None  # G16: its pole (mm), radius (mm), angle (rad)
+    answer: float | None = None  # of the last M66: what its input is where the program goes on
     marks: int = 0  # stops between the steps of a tool changer, so far
     length_code: str = "G49"  # of the group that has G43
     length_number: Word | None = None  # H of a line without G43 (Fanuc), for the next one without H

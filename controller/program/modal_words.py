@@ -171,7 +171,9 @@ class _Settings:
             code, word = self.ask.codes["output"]
             ask = self.ask.of(code)
             if code == "M66":
-                self.made += output_words.awaited(ask, word, self.state.modal, self._machine)
+                made, answer = output_words.awaited(ask, word, self.state.modal, self._machine)
+                self.made.append(made)
+                self.state = self.state._replace(answer=answer)
                 return
             self._say(ask, code, word)
             if code in ("M64", "M65", "M68"):

@@ -102,6 +102,7 @@ def _axis(here: Here) -> Vector | None:
 # G38.2 to G38.5 and G31: lines that end where the probe touches, or is free.
 
 AWAY, MUST = ("G38.4", "G38.5"), ("G38.2", "G38.4")
+_SIGNALS = MappingProxyType({"P": range(1, 5), "R": range(2)})  # of G31, by what is connected to Fanuc's
 
 
 def probing_line(here: Here, code: str, word: Word) -> JointLine | TipLine:
@@ -121,6 +122,9 @@ def _check_probing(here: Here, code: str, word: Word) -> None:
     for axis in machine.axes:
         if axis.is_rotary and axis.name in ask.words:
             raise ask.refusal(ask.words[axis.name], "probe.turns", code=code)
+    for letter, signals in _SIGNALS.items():
+        if (signal := ask.words.get(letter)) is not None and signal.value not in signals:
+            raise ask.refusal(signal, "probe.signal")
     ask.refuse_where(
         word,
         (not ask.has("XYZ"), "probe.no_way"),

@@ -18,6 +18,7 @@ from types import MappingProxyType
 from controller.machine.model import Changer, ChangerStep, Io, Machine
 from controller.messages import Key, message
 from controller.program.codes import ParsedLine
+from controller.program.line import READ_S
 from controller.program.program import (
     UNSAID,
     Act,
@@ -43,18 +44,24 @@ def number(ask: ParsedLine, code: str, word: Word, machine: Machine) -> int:
     return _named(ask, code, word, "digital_out", machine.io.digital_out if machine.io else ())
 
 
-def awaited(ask: ParsedLine, word: Word, modal: Modal, machine: Machine) -> list[Block]:
-    """M66 P L Q. Raises ProgramError."""
+def awaited(
+    ask: ParsedLine, word: Word, modal: Modal, machine: Machine
+) -> tuple[Await | Remark, float | None]:
+    """M66 P L Q, and #5399 after it, None where nothing tells. Raises ProgramError."""
     number = _named(ask, "M66", word, "digital_in", machine.io.digital_in if machine.io else ())
     kind, most = ask.words.get("L"), ask.words.get("Q")
     level = 0 if kind is None else ask.whole(kind)
     if level == 0:
-        return [Remark(ask.place(word), modal, message("note.reads_input"))]
+        reads = machine.io.read_as(number) if machine.io else None
+        if reads is None:
+            return Remark(ask.place(word), modal, message("note.reads_input")), None
+        return Await(ask.place(word), modal, number, Level.HIGH if reads else Level.LOW, READ_S), float(reads)
     if level > len(Level):
         raise ask.refusal(kind or word, "output.no_level", level=level)
     if most is None or not 0.0 < most.value <= MAX_WAIT_S:
         raise ask.refusal(most or word, "output.no_time", level=level, most=MAX_WAIT_S)
-    return [Await(ask.place(word), modal, number, Level(level), most.value)]
+    wait = Await(ask.place(word), modal, number, Level(level), most.value)
+    return wait, float(wait.level in (Level.RISE, Level.HIGH))
 
 
 def led(ask: ParsedLine, code: str, word: Word, machine: Machine) -> tuple[int, float]:

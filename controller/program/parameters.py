@@ -7,6 +7,7 @@ nobody has set is 0, a name that nobody has set has no value (both as LinuxCNC).
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Protocol, TypeGuard
@@ -20,9 +21,11 @@ OF_MACRO = range(1, 34)  # a macro's own, on controls as Fanuc's
 SAYS_DEBUG = 5599  # 0: what (DEBUG,) would say is not said
 OF_THE_MACHINE = range(5061, 5603)  # positions, offsets and tools: the control gives them
 ALARM, STOP = 3000, 3006  # what a program writes to end itself, and to stop with a message
+INPUTS, OUTPUTS = 1000, 1100  # the first of those that programs have by P of M66, and of M62 to M65
 VACANT = range(1000)  # there, until a program sets them: neither 0 nor a number
 OF_PROBING = range(5061, 5071)  # of the last probing move: what a program sets there holds until the next
 RETURNED = ("_value", "_value_returned")  # what the last sub gave back, and whether it did
+_OF_LINUXCNC = re.compile(r"_(?:ini|hal)\[").match  # names that read its INI file, or a pin of its HAL
 _BEGUN: Mapping[Name, float] = MappingProxyType({**dict.fromkeys(RETURNED, 0.0), SAYS_DEBUG: 1.0})
 
 
@@ -52,6 +55,7 @@ class System(Protocol):
     asks: dict[int, float]  # ``ALARM`` or ``STOP`` of the line that is read
     notes: list[Message]  # what ``check`` is to tell of it
     changes: list[Change]  # what it changes for good
+    reads: dict[int, bool]  # inputs that were read, by P of M66, and as what
     is_modal_call: bool  # G66 is on
 
     def has(self, key: int) -> bool:
@@ -80,12 +84,12 @@ class Parameters:
     def __init__(
         self,
         given: Given | None = None,
-        begun: Sequence[tuple[int, float]] = (),
+        begun: Sequence[tuple[Name, float]] = (),
         kept: Sequence[tuple[int, int]] = (),
         system: System | None = None,
         left: Sequence[tuple[str, float]] = (),
     ) -> None:
-        """``begun``: what earlier programs have left; ``kept``: numbers, from to, that later ones find.
+        """``begun``: of the machine file, and of earlier programs; ``kept``: from to, for later ones.
 
         ``system``: the system variables of controls as Fanuc's, whose macros these are then.
         ``left``: of the lines by hand before this one, as ``to_leave`` has it.
@@ -126,7 +130,7 @@ class Parameters:
             return given
         if isinstance(key, int):
             return 0.0
-        raise NoValue("value.unset", name=key)
+        raise NoValue("value.of_linuxcnc" if _OF_LINUXCNC(key) else "value.unset", name=key)
 
     def is_vacant(self, key: Name) -> bool:
         """Whether it is there and nobody has set it: on controls as Fanuc's neither 0 nor a number."""
@@ -154,6 +158,8 @@ class Parameters:
             raise NoValue("value.of_the_machine", number=key, first=first, last=last)
         if key in RETURNED or (isinstance(key, str) and self._is_given(key)):
             raise NoValue("value.given", name=key)
+        if isinstance(key, str) and _OF_LINUXCNC(key):
+            raise NoValue("value.of_linuxcnc", name=key)
 
     def _is_of_system(self, key: Name) -> TypeGuard[int]:
         """Whether a number is a system variable, and not kept for programs."""
@@ -186,6 +192,13 @@ class Parameters:
         """G66 and G67."""
         if self._system is not None:
             self._system.is_modal_call = is_on
+
+    def taken_reads(self) -> dict[int, bool]:
+        """Inputs that were read since this was asked last, and as what."""
+        if self._system is None or not self._system.reads:
+            return {}
+        reads, self._system.reads = self._system.reads, {}
+        return reads
 
     def fresh(self) -> dict[int, float]:
         """Those that later programs find and that were set since this was asked last."""

@@ -31,6 +31,7 @@ from controller.program.line import (
     Other,
     Part,
     Rows,
+    Word,
     common,
 )
 from controller.program.modal import FEEDS, State
@@ -182,6 +183,9 @@ class CommonLines:
     def read(self, line: Line) -> Block | None:
         """The block of any line that is a common one."""
         parts = line.parts
+        if parts is None and line.words:
+            line = line.with_words(_without_codes_in_force(line.words, self._given.state))
+            parts = line.parts
         if parts is None or parts[FUNCTION] is not None or parts[SPEED] is not None:
             return None
         if not any_of(parts[AXES:RADIUS]) or any(parts[at] is not None for at in self._lacking):
@@ -294,6 +298,19 @@ class CommonLines:
     def _turns(self, parts: Sequence[Part]) -> bool:
         """Whether a rotary has a word."""
         return any([parts[i] is not None for i in self._turning])
+
+
+def _without_codes_in_force(words: Sequence[Word], state: State) -> tuple[Word, ...]:
+    """Without G90 and others that say what is so already, which change nothing; each may stand once."""
+    plane = float(state.modal.plane[1:])
+    in_force = {90.0 if state.absolute else 91.0, plane, 21.0 if state.mm_per_unit == 1.0 else 20.0}
+    left: list[Word] = []
+    for word in words:
+        if word.letter == "G" and word.value in in_force:
+            in_force.remove(word.value)
+        else:
+            left.append(word)
+    return tuple(left)
 
 
 def _time(parts: Sequence[Part]) -> float | None:

@@ -39,8 +39,9 @@ def _letters(ask: ParsedLine, state: State) -> tuple[str, str]:
     """The words of the line that are lengths, and those that are angles."""
     if ask.code("rotation") in TILTS or ask.code("one-line") in TO_PLANE:
         return "XYZ", "IJKR"
-    lengths = LENGTHS.replace("K", "") if _in_cycle(ask, state) else LENGTHS
-    return lengths.replace("Q", "") if "tool change" in ask.codes else lengths, ANGLES
+    counts = "K" if _in_cycle(ask, state) else "R" if ask.code("motion") == "G31" else ""
+    counts += "Q" if "tool change" in ask.codes else ""
+    return "".join(letter for letter in LENGTHS if letter not in counts), ANGLES
 
 
 def _has_its_own(ask: ParsedLine) -> bool:

@@ -515,6 +515,11 @@ Aside = OperatorMessage | Setting | Select  # parts no motions
 Block = CutBlock | JointMotion | TipLine | Dwell | Await | Action | Remark | Aside
 
 
+def probing_of(block: Block) -> Probing | None:
+    """What a line probes for."""
+    return block.probe if isinstance(block, JointLine | TipLine) else None
+
+
 def is_by_offset(block: Block) -> bool:
     """Whether it moves to a place of the work offset, and not of the machine."""
     if isinstance(block, JointLine):

@@ -4,6 +4,7 @@ Numbers and meanings are of Fanuc's operator's manual B-64484EN (series 30i, 16.
 tool offsets that Haas numbers otherwise, of Haas' operator's manual of mills (NGC, macros). Axes are counted
 in the order of the machine file. Lengths are in the active unit.
 
+    #1000 #1100         inputs (``read_on`` and ``read_off`` of [io]), outputs, by P of M66 and of M64
     #2001 ... #2800     tool offsets, by ``macro_variables`` of [machine]: Fanuc's memory C, or Haas'
     #3000 #3006         alarm, and stop with a message
     #3003 #3004 #3901   single block, holds, parts: what is written is kept, and does nothing
@@ -34,7 +35,7 @@ from controller.program.given import LETTERS, Given
 from controller.program.modal import State
 from controller.program.offset_words import is_sound, with_radius
 from controller.program.origins import fixture_index
-from controller.program.parameters import ALARM, STOP, NoValue
+from controller.program.parameters import ALARM, INPUTS, OUTPUTS, STOP, NoValue
 
 FIRST = 1000
 OURS = (  # as LinuxCNC has them
@@ -45,8 +46,8 @@ NOTED = MappingProxyType(
     {3003: "note.single_block", 3004: "note.holds", 3901: "note.parts", 3902: "note.parts"}
 )
 _AT_RUN = (  # what is known only in the run, or not kept: M, N and O of the line before
-    (range(1000, 1100), "value.system_inputs"),
-    (range(1100, 1200), "value.system_outputs"),
+    (range(INPUTS, OUTPUTS), "value.system_inputs"),
+    (range(OUTPUTS, 1200), "value.system_outputs"),
     *(
         (clocks, "value.system_clocks")
         for clocks in (range(3001, 3003), range(3011, 3013), range(3020, 3030))
@@ -96,6 +97,7 @@ class SystemVariables:
         self.asks: dict[int, float] = {}  # ALARM or STOP of the line that is read
         self.notes: list[Message] = []
         self.changes: list[Change] = []
+        self.reads: dict[int, bool] = {}
         self.is_modal_call = False  # G66
         axes = [axis.name.lower() for axis in machine.axes]
         self._axes = dict(enumerate(axes, start=1))
@@ -108,7 +110,7 @@ class SystemVariables:
 
     def value(self, key: int) -> float:
         """Raises NoValue."""
-        for read in (self._modal, self._word, self._position, self._offset, self._of_tool):
+        for read in (self._input, self._modal, self._word, self._position, self._offset, self._of_tool):
             if (found := read(key)) is not None:
                 return found
         if key in NOTED or key == 3007:
@@ -125,6 +127,19 @@ class SystemVariables:
         if key in _OF_ONE_OF_THEM and not self._machine.macro_variables:
             return NoValue("value.system_builder", number=key)
         return NoValue("value.system", number=key)
+
+    def _input(self, key: int) -> float | None:
+        """As ``read_on`` and ``read_off`` of [io] say that it will be."""
+        io, number = self._machine.io, key - INPUTS
+        if io is None or not 0 <= number < len(io.digital_in):
+            return None
+        if (on := io.read_as(number)) is not None:
+            self.reads[number] = on
+        return None if on is None else float(on)
+
+    def _is_output(self, key: int) -> bool:
+        io = self._machine.io
+        return io is not None and 0 <= key - OUTPUTS < len(io.digital_out)
 
     def _modal(self, key: int) -> float | None:
         groups = _MODAL_OF_HAAS if self._machine.macro_variables == "haas" else _MODAL
@@ -204,6 +219,8 @@ class SystemVariables:
         """Raises NoValue for what a program cannot write."""
         if key in (ALARM, STOP) or key in NOTED or 5201 <= key <= 5200 + len(self._axes):
             return
+        if self._is_output(key):
+            return
         if self._offset_of(key) is not None or self._tool_of(key) is not None:
             planar = self._given.state.modal.planar
             if planar is not None and planar.lines:
@@ -216,7 +233,7 @@ class SystemVariables:
 
     def set(self, key: int, value: float) -> None:
         """Carry out what a number is written for. Raises NoValue."""
-        if key in (ALARM, STOP):
+        if key in (ALARM, STOP) or self._is_output(key):
             self.asks[key] = value
         elif key in NOTED:
             self._plain[key] = value

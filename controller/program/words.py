@@ -27,8 +27,19 @@ from controller.program.line import (
     Rows,
     Word,
     simple,
+    waits,
 )
-from controller.program.parameters import ALARM, SAYS_DEBUG, STOP, Name, NoValue, Parameters, System, written
+from controller.program.parameters import (
+    ALARM,
+    OUTPUTS,
+    SAYS_DEBUG,
+    STOP,
+    Name,
+    NoValue,
+    Parameters,
+    System,
+    written,
+)
 from controller.program.program import Block, Callers, ProgramError
 from controller.program.source_text import LONGEST, Text, aborted, ended, message_text, without_comments
 
@@ -43,6 +54,12 @@ Take = Callable[[Rows, list[Block]], Other | None]
 _O_WORD = re.compile(r"o[ \t]*(?:<[^<>]*>|[0-9 \t]+)[ \t]*[a-z]{2}")
 _CORNER = re.compile(r",[ \t]*([rc])")
 _TEXT = re.compile(r"\(([^()]*)\)")
+# Statements of Fanuc's macros for a printer: DPRNT tells the operator, the others do nothing here.
+_SERIAL = re.compile(
+    rf"[{GAPS}]*(?:N[ \t]*[0-9]+[ \t]*)?((?:POPEN|PCLOS|SETVN)(?![A-Z]).*|DPRNT[ \t]*\[(.*)\])[{GAPS}]*",
+    re.IGNORECASE,
+)
+_DECIMALS = re.compile(r"(#[0-9]+)[ \t]*\[[0-9]?([0-9])\]")
 _FILE = re.compile(r"[mM][ \t]*0*98[ \t]*(?:[lL][ \t]*[0-9]+[ \t]*)?\(([^()]+)\)")
 _LEVEL = re.compile(rf"[1-9][{GAPS}]*[a-z#]")
 # As controls name programs before the first block: O1234, :1234, O1234 <PART>, <PART>.
@@ -98,7 +115,7 @@ class _Scan:
         self.parameters, self._refused, self._system = parameters, refused, system
         self._block_delete = block_delete
         self.found = False  # a word
-        self._opened = self._named = False
+        self._opened = self._named = self._told_serial = False
 
     def lines(self, rows: Rows, name: str, take: Take) -> Iterator[Line | CommonRun]:
         """All of a text, as it stands."""
@@ -120,8 +137,11 @@ class _Scan:
                 if self._opened:
                     return
                 self._opened = True
-            elif (line := self._general(raw, name, number)) is not None:
-                yield line
+            else:
+                line = self._general(raw, name, number)
+                yield from waits(self.parameters.taken_reads(), name, number)
+                if line is not None:
+                    yield line
 
     def line(self, raw: str, name: str, number: int, callers: Callers) -> Line | None:
         """One line that is carried out; None where it says nothing. ``callers``: of its sub."""
@@ -155,6 +175,8 @@ class _Scan:
                 self._named = self._opened = True
                 return None
             self._opened = True
+            if self.parameters.of_fanuc and (serial := _SERIAL.fullmatch(text)) is not None:
+                return self._printed(serial[1], serial[2], name, number)
             words = _Words(text, name, number, self.parameters).words()
             self.found |= bool(words) or "#" in text
         asides = NOTHING_ASIDE
@@ -174,6 +196,17 @@ class _Scan:
             line.file = linked.file_label(called[1])
         return line
 
+    def _printed(self, written: str, text: str | None, name: str, number: int) -> Line | None:
+        """What DPRNT tells the operator, a * for a blank; of the others a note, once."""
+        self.found, line = True, Line(name, number, ())
+        if text is not None:
+            said = _DECIMALS.sub(r"%.\2f\1", text).replace("*", " ")
+            line.asides = Asides(message_text(f"(PRINT,{said})", self._reads(name, number)))
+        elif not self._told_serial:
+            self._told_serial = True
+            line.asides = Asides(notes=[message("note.serial", line=written.strip(GAPS))])
+        return line if line.says else None
+
     def _system_requests(
         self, system: System, raw: str, name: str, number: int, asides: Asides
     ) -> tuple[tuple[Word, ...], Asides]:
@@ -184,18 +217,24 @@ class _Scan:
         at, text = raw.find("#") + 1, " ".join(" ".join(_TEXT.findall(raw)).split())[:LONGEST]
         if (alarm := asks.get(ALARM)) is not None:
             raise ProgramError(name, number, at, message("text.alarm", number=alarm, text=text))
+        words: list[Word] = []
+        for key, value in asks.items():
+            switch = ("M", 64.0 if value else 65.0), ("P", float(key - OUTPUTS))
+            for letter, number_ in switch if key != STOP else (("M", 0.0),):
+                words.append(Word(letter, number_, True, at, f"#{key}"))
         if STOP not in asks:
-            return (), asides._replace(notes=notes, changes=changes)
-        return (Word("M", 0.0, False, at, f"#{STOP}"),), Asides(text, notes, changes, asides.kept)
+            return tuple(words), asides._replace(notes=notes, changes=changes)
+        return tuple(words), Asides(text, notes, changes, asides.kept)
+
+    def _reads(self, name: str, number: int) -> Callable[[str], float]:
+        """Values of parameters as they are written."""
+        return lambda written: Values(written.lower(), name, number, self.parameters).value(0, written)[0]
 
     def _message(self, raw: str, name: str, number: int) -> str:
         """What the comments of a line say to the operator. Raises ProgramError where they end the program."""
         if "," not in raw or "(" not in raw:
             return ""
-
-        def value(written: str) -> float:
-            return Values(written.lower(), name, number, self.parameters).value(0, written)[0]
-
+        value = self._reads(name, number)
         if ends := aborted(raw, value):
             raise ProgramError(name, number, ends[0], ended(ends[1]))
         return message_text(raw, value, self.parameters.value(SAYS_DEBUG) != 0.0)

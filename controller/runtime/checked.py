@@ -9,6 +9,7 @@ rest_of(...) what is left of it from a place on
 from __future__ import annotations
 
 import contextlib
+import itertools
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -36,7 +37,7 @@ from controller.program import blocks, carried, modal
 from controller.program.carried import InForce
 from controller.program.modal import State
 from controller.program.position import homed
-from controller.program.program import Act, Block, CutBlock, GougeRefused, Place, ProgramError
+from controller.program.program import Act, Aside, Block, CutBlock, GougeRefused, Place, ProgramError
 from controller.program.source_text import may_cut
 from controller.verify import wording
 from controller.verify.audit import Audit, FormRefused, Watched, audit
@@ -294,15 +295,13 @@ def _gouges_placed(asked: Task) -> Iterator[None]:
 def _audited(
     asked: Task, watched: Watched, progress: Progress = lambda _: None, spread: Spread = here
 ) -> Audit:
-    """What is told of the surfaces; raises ProgramError where they are refused."""
+    """What is reported of the surfaces; raises ProgramError where they are refused."""
 
     return audit(watched, asked.read, asked.name, asked.machine, asked.kinematics, progress, spread)
 
 
 def _noted(walk: Walk, notes: Sequence[Note]) -> Walk:
-    if notes:
-        walk.notes = list(notes)
-    return walk
+    return replace(walk, notes=list(notes)) if notes else walk
 
 
 def segments(walk: Walk) -> dict[int, Segment]:
@@ -389,9 +388,12 @@ def place_ahead(asked: Task, spread: Spread, progress: Progress = lambda _: None
         return
     wanted: dict[placing.RequiredPlacement, None] = {}
     with contextlib.suppress(ProgramError):
-        for block in _with_progress(_blocks(asked), asked, _between(progress, 0.0, 0.1)):
-            if isinstance(block, CutBlock):
-                wanted |= dict.fromkeys(cuts.required_placements(block, asked.machine))
+        read = _with_progress(_blocks(asked), asked, _between(progress, 0.0, 0.1))
+        moving = (block for block in read if not isinstance(block, Aside))
+        for is_cut, group in itertools.groupby(moving, lambda block: isinstance(block, CutBlock)):
+            row = (block for block in group if isinstance(block, CutBlock))
+            for together in cuts.placed_together(row, asked.machine) if is_cut else ():
+                wanted |= dict.fromkeys(cuts.required_placements(together, asked.machine))
     unknown = [one for one in wanted if not one.is_known]
     for k, recipes in enumerate(spread(placing.searched, unknown, PLACING_S)):
         placements.learn(recipes)

@@ -3,7 +3,7 @@ of them begins.
 
 They are fresh interpreters and no forks, so that nothing of the parent (its terminal, its
 threads, its open files) reaches into a process that has a deadline. Each is a process
-group of its own, for Ctrl-C is the parent's alone, and is told to end when the parent dies,
+group of its own, for Ctrl-C is the parent's alone, and is asked to end when the parent dies,
 whatever it dies of.
 """
 
@@ -91,14 +91,19 @@ class Child:
         return text(message("process.ended", role=self.role, code=code)) if code else ""
 
     def end(self) -> None:
-        """Ask it to end; kill it if it does not."""
-        for number in (signal.SIGTERM, signal.SIGCONT):  # a stopped process hears nothing
-            self.process.send_signal(number)
-        try:
-            self.process.wait(END_S)
-        finally:
-            self.process.kill()
-            self.process.wait()
+        """Ask it to end; kill it if it does not. Raises TimeoutExpired then."""
+        end(self.process, END_S)
+
+
+def end(process: subprocess.Popen[bytes], patience_s: float) -> None:
+    """Ask a process to end; kill it if it does not. Raises TimeoutExpired then."""
+    for number in (signal.SIGTERM, signal.SIGCONT):  # a stopped process hears nothing
+        process.send_signal(number)
+    try:
+        process.wait(patience_s)
+    finally:
+        process.kill()
+        process.wait()
 
 
 def start(
@@ -108,7 +113,7 @@ def start(
     descriptors: Sequence[int] = (),
     name: str = "",
 ) -> Child:
-    """Start the process of a role on its job; ``folder`` holds what it is told and says.
+    """Start the process of a role on its job; ``folder`` holds what it is given and says.
 
     ``name``: of its files, where there are several of that role.
     """
@@ -175,7 +180,7 @@ def own_error(role: str, error: Exception) -> str:
     return text(message("process.own_error", role=role, error=internal_error.summary(error)))
 
 
-class Asked:
+class EndRequest:
     """Becomes true when this process is asked to end."""
 
     def __init__(self) -> None:

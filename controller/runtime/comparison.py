@@ -1,8 +1,8 @@
 """The setpoints of a repetition held against those of a record, segment by segment, as they come.
 
 A repetition is made of machine, program and events, and of no setpoint: where a segment is spoilt, its ticks
-come again without being compared, and those behind it are compared as all others. Where a line of the events
-is lost, the first other setpoint behind it says nothing but that the run cannot be made again from there on.
+come again without being compared, and those after it are compared as all others. Where a line of the events
+is lost, the first other setpoint after it says nothing but that the run cannot be made again from there on.
 """
 
 from __future__ import annotations

@@ -57,6 +57,18 @@ class Excess:
     largest: ContourError
     over: bool = False  # the tool is back within the tolerance
 
+    def go_on(self, tick: int, worst: ContourError | None) -> bool:
+        """It is there at that tick, too, ``worst`` where it was never larger; whether that makes it one to be
+        reported.
+        """
+        was, self.ticks = self.ticks, tick - self.tick + 1
+        self.largest = worst or self.largest
+        return was < REPORTED_TICKS <= self.ticks
+
+    def ended(self) -> Excess:
+        self.over = True
+        return self
+
     def to_dict(self, machine: Machine) -> dict[str, Any]:
         return {"tick": self.tick, "ticks": self.ticks, **self.largest.to_dict(machine)}
 
@@ -142,8 +154,7 @@ class ContourWatch:
             now = self._open
             if not beyond[row]:
                 if now is not None and now.ticks >= REPORTED_TICKS:
-                    now.over = True
-                    reported.append(now)
+                    reported.append(now.ended())
                 self._open = None
             elif now is None:
                 self._open = Excess(int(rows.ticks[row]), 1, self._error(rows, row))
@@ -152,10 +163,8 @@ class ContourWatch:
         return reported
 
     def _grow(self, now: Excess, rows: Measured, row: int, reported: list[Excess]) -> None:
-        was, now.ticks = now.ticks, int(rows.ticks[row]) - now.tick + 1
-        if rows.mm[row] > now.largest.mm:
-            now.largest = self._error(rows, row)
-        if was < REPORTED_TICKS <= now.ticks:
+        worst = self._error(rows, row) if rows.mm[row] > now.largest.mm else None
+        if now.go_on(int(rows.ticks[row]), worst):
             reported.append(now)
             if len(self.excesses) < MAX_EXCESSES:
                 self.excesses.append(now)

@@ -110,7 +110,7 @@ class Begin:
 
 
 class SpoiltLine(NamedTuple):
-    """A line of a record that is not as it was written; it came in or behind ``tick``."""
+    """A line of a record that is not as it was written; it came in or after ``tick``."""
 
     number: int
     tick: int

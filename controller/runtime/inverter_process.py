@@ -43,7 +43,7 @@ class Inverter(Protocol):
 
 def main(job: Job) -> None:
     """Until SIGTERM; then the spindle is stopped. Raises ConfigError."""
-    asked = children.Asked()
+    asked = children.EndRequest()
     modbus = job.spindle.modbus
     assert modbus is not None
     slot = InverterSlot(job.paths, create=False)

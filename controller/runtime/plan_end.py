@@ -43,7 +43,7 @@ REST_TURN_S = 0.05  # where all is sent and nothing moves; an order is heard at 
 # Where we may: before the rest of this computer but the tick; nearer to the kernel's own threads (0), which
 # bring the frames of serial and USB adapters: at -10 they wait 10 ms for a core that they share with a plan.
 NICE = -5
-SWITCH_S = 0.001  # the keepalive gets its turn so soon while a chain is planned
+SWITCH_S = 0.001  # the keepalive gets its turn so soon while a path is planned
 STOPPED = message("startup.homing_stopped")
 TELL_S = 2.0  # the tick takes requests with every turn
 COME_UP_S = 150.0  # longer than the tick itself waits for a drive to home
@@ -122,7 +122,7 @@ class PlanEnd:
                 self.alone = True
 
     def _keep_alive(self) -> None:
-        """A chain may take a second to plan; the tick must know meanwhile that somebody does."""
+        """A continuous path may take a second to plan; the tick must know meanwhile that somebody does."""
         while not self.alone:
             self.send(PieceMessage(0, 0.0))
             time.sleep(KEEPALIVE_S)
@@ -163,7 +163,7 @@ class PlanEnd:
                 if time.monotonic() > give_up_s:
                     raise SessionError(message("startup.tick_takes_none")) from None
                 time.sleep(PLAN_TURN_S)
-            except OSError:  # it is gone, which others tell
+            except OSError:  # it is gone, which others report
                 break
         try:
             arranged.save(self._kept, self._machine, found)

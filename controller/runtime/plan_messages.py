@@ -1,6 +1,6 @@
 """What the service's process and its plan's process say to each other.
 
-One order at a time is carried out, and answered once; meanwhile and afterwards the plan tells
+One order at a time is carried out, and answered once; meanwhile and afterwards the plan reports
 by itself how far it is.
 """
 
@@ -138,7 +138,7 @@ class Announcement:
 
 @dataclass(frozen=True, slots=True)
 class News:
-    """Told by the plan as it comes about."""
+    """The plan reports it as it comes about."""
 
     finished: bool = True  # all of the path has been sent
     left: State | None = None  # the modal state after all of the program, once that has been read
@@ -157,7 +157,7 @@ class News:
     timetable: Timetable | None = None  # of the rest, where it has become another one, or a longer one
 
 
-# What the plan has sent for an order, and the tick has yet to take: it may never, and that must be told.
+# What the plan has sent for an order, and the tick has yet to take: it may never, and that must be reported.
 #
 # A plan is made for the machine as it stands. A stop, a jog or a fault between the order and the
 # tick's next look makes it void; whoever waits for it would wait for nothing.

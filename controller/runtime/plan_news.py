@@ -91,14 +91,14 @@ class PathNotes:
                 begun = 0.0
             yield item
 
-    def _note_lines(self, chain: ContinuousPath, begun: float) -> None:
-        for segment, lines in zip(chain.segments, lines_along(chain, begun), strict=True):
+    def _note_lines(self, path: ContinuousPath, begun: float) -> None:
+        for segment, lines in zip(path.segments, lines_along(path, begun), strict=True):
             self._known[id(segment)] = self.tool, lines
 
     def _say(self, order: int, motion_id: int, line: int | None, first: int = sys.maxsize) -> None:
         """What the program says up to that order is due at that motion, or at the pause before it.
 
-        What it sets behind the ``first`` of the motion's blocks is due when the motion is over.
+        What it sets after the ``first`` of the motion's blocks is due when the motion is over.
         """
         while self._heard and self._heard[0].place.order <= order:
             one = self._heard.popleft()

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-import signal
 import socket
 import subprocess
 import sys
@@ -85,13 +84,8 @@ class PumpProcess:
 
     def end(self) -> None:
         """Plays its plan to the end, which at rest is soon; kills it if it does not end."""
-        for number in (signal.SIGTERM, signal.SIGCONT):  # a stopped process hears nothing
-            self._process.send_signal(number)
-        try:
-            self._process.wait(END_S)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            children.end(self._process, END_S)
 
     def _hand(self, bus: int, descriptor: int) -> None:
         """In place of that of a hub that has ended."""

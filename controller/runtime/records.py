@@ -5,7 +5,7 @@
     a folder of a run               "run": setpoints, positions, following errors, feed and load of every tick
                                     that sent a SYNC
 
-A column of an axis has its name behind a dot (``actual.X``). Names, units and meanings of a recorder's
+A column of an axis has its name after a dot (``actual.X``). Names, units and meanings of a recorder's
 columns are those of ``state.live_state``. In Parquet they stand with each column (``unit``, ``meaning``),
 and ``kind``, ``period_s`` and the machine (a trace: its JSON, else its file's text) with the whole under
 ``directrix.``, so that whoever opens the file needs nothing else; numbers are the same to the last bit.
@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from controller import npz
 from controller.machine import machine_file
 from controller.machine.model import Kind
-from controller.messages import DEFAULT, Key, Message, message, plain, text
+from controller.messages import DEFAULT, Key, Message, TextError, message, plain, text
 from controller.runtime import events
 from controller.state.live_state import FIELDS, Field
 from controller.state.record_files import TRACE
@@ -73,12 +73,11 @@ class Record(NamedTuple):
         return min((len(column.values) for column in self.columns.values()), default=0)
 
 
-class NoRecord(Exception):
-    """What a file is not, or cannot be read without: ``said`` in full."""
+class NoRecord(TextError):
+    """What a file is not, or cannot be read without."""
 
     def __init__(self, key: str, **values: object) -> None:
-        self.said = message(f"records.{key}", **values)
-        super().__init__(text(self.said))
+        super().__init__(message(f"records.{key}", **values))
 
 
 def read(path: Path) -> Record:

@@ -26,7 +26,7 @@ class Lenient(checked.Task):
 
 
 def shape_of(task: checked.Task) -> Shape | None:
-    """The path behind lines that cannot be read and into walls, up to where it cannot go; None of none."""
+    """The path after lines that cannot be read and into walls, up to where it cannot go; None of none."""
     machine = replace(task.machine, gouge="warn")
     found = Picture(task.machine, task.kinematics)
     with contextlib.suppress(Exception):  # no mistake of ours in a picture may cost the sentence

@@ -89,7 +89,7 @@ def wired(bench: Bench, machine: Machine, rig: Rig) -> Wired:
 
 
 def inverter(spindle: Spindle, now: Callable[[], float]) -> SimulatedInverter:
-    """What stands behind the serial line of a spindle's inverter."""
+    """A simulated inverter for the serial line of a spindle."""
     from controller.runtime.bench.inverter import SimulatedInverter
 
     return SimulatedInverter(spindle, now)
@@ -131,7 +131,7 @@ def share_adapter(job: tuple[BusSettings, str]) -> None:
     """The adapter of a bus, which has one owner, for all that join at a path. Raises BusError, OSError."""
     settings, path = job
     adapter = bus.open(settings, EVERYTHING)
-    asked, hub = children.Asked(), Hub(path, bit_rate=0, sync_log=False)
+    asked, hub = children.EndRequest(), Hub(path, bit_rate=0, sync_log=False)
     hub.open_gateway(SharedAdapter(hub, adapter))
     try:
         hub.run(lambda: asked.yes)

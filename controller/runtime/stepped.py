@@ -63,7 +63,7 @@ KEEPALIVE_EVERY = 16  # turns of it
 IDLE_TICKS = 100  # at rest with nothing to do, while the planner has had many turns: nothing will come
 DRAIN_EVERY = 4096  # ticks between two looks at the recorder
 STANDING_WORDS = (Request.HOLD, Request.RESUME, Request.STOP)
-WAIT_TIMEOUT_S = 10.0  # beyond the tick's own for enabling or homing, which tells more
+WAIT_TIMEOUT_S = 10.0  # beyond the tick's own for enabling or homing, which says more
 # Looked up every tick, and an enum's members are slow to look up.
 _RUNNING: Final = Mode.RUNNING
 _HOLD: Final = Mode.HOLD
@@ -95,7 +95,7 @@ class Run:
 
 
 def _end_of_program(rows: Rows) -> int:
-    """The first of the READY rows at the end; what stands behind it is only the looking whether it stands."""
+    """The first of the READY rows at the end; what follows it is only the looking whether it stands."""
     others = np.flatnonzero(rows[:, COLUMN["mode"]] != Mode.READY)
     return int(others[-1]) + 1 if len(others) else 0
 

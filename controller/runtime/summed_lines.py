@@ -18,7 +18,7 @@ from controller.messages import Message, message
 Values = dict[str, Any]
 MAX_MENDED_BYTES = 1 << 14  # of a line: each of its bits is tried
 MAX_MENDED = 100  # lines
-ELSEWHERE = 1000  # numbers before and behind its own, that a line is looked for
+ELSEWHERE = 1000  # numbers before and after its own, that a line is looked for
 END = b"\n"
 
 

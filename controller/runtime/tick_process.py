@@ -40,7 +40,7 @@ OF_MESSAGES = (surfaces, placement)
 
 def main(job: Job) -> None:
     """The real-time process: opens the buses and ticks until SIGTERM. Raises BusError."""
-    machine, asked = job.machine, children.Asked()
+    machine, asked = job.machine, children.EndRequest()
     ports = {
         settings.name: bus.open(settings, pdo.TICK_FILTERS) for settings in machine_file.bus_settings(machine)
     }

@@ -54,8 +54,12 @@ class Histogram:
         if time_s > self.worst_s:
             self.worst_s = time_s
 
+    def reach(self, worst_s: float) -> None:
+        """One of those that were ``put`` was as long as that."""
+        self.worst_s = max(self.worst_s, worst_s)
+
     def put(self, microseconds: int, count: int) -> None:
-        """Count so many of one bin; ``worst_s`` is the caller's."""
+        """Count so many of one bin; how long the longest was, ``reach`` says."""
         if microseconds < BINS:
             self.bins[microseconds] += count
         else:
@@ -69,7 +73,7 @@ class Histogram:
                 self.bins[n] += count
         self.beyond += other.beyond
         self.count += other.count
-        self.worst_s = max(self.worst_s, other.worst_s)
+        self.reach(other.worst_s)
 
     def quantile_s(self, share: float) -> float:
         """The time (s) that this share of all stays below, to 1 us and never too small; 0 of none."""

@@ -35,6 +35,7 @@ class Alarms:
         """Raises OSError."""
         self._store, self._lock = store, threading.Lock()
         rows = store.rows("SELECT id, facts FROM alarms ORDER BY id")
+        self._unkept = set[int]()  # by a disk that took nothing
         self._known: dict[int, dict[str, Any]] = {number: json.loads(facts) for number, facts in rows}
 
     def add(self, name: str, what: Message, **more: Any) -> dict[str, Any]:
@@ -85,14 +86,17 @@ class Alarms:
         self._known[alarm["id"]] = alarm
         while len(self._known) > KEPT:
             del self._known[min(self._known)]
-        row, first = (alarm["id"], json.dumps(alarm)), min(self._known)
+        self._unkept.add(alarm["id"])
+        rows = [(number, json.dumps(self._known[number])) for number in self._unkept & self._known.keys()]
+        first = min(self._known)
 
         def write(sql: sqlite3.Connection) -> None:
-            sql.execute("INSERT OR REPLACE INTO alarms VALUES (?, ?)", row)
+            sql.executemany("INSERT OR REPLACE INTO alarms VALUES (?, ?)", rows)
             sql.execute("DELETE FROM alarms WHERE id < ?", (first,))
 
-        with contextlib.suppress(OSError):  # it is told all the same
+        with contextlib.suppress(OSError):  # it is reported all the same
             self._store.insist(write)
+            self._unkept.clear()
 
 
 def of(

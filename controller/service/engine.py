@@ -57,7 +57,7 @@ from drives.settings import BusSettings
 MAX_ASKED = 10_000  # requests that no record has looked for yet
 
 
-class Asked(NamedTuple):
+class SentRequest(NamedTuple):
     """One request as it went to the tick."""
 
     request: Request
@@ -117,7 +117,7 @@ class Engine:
         self._ending = contextlib.ExitStack()
         self._numbering = threading.Lock()
         self._number = 0  # of the last request
-        self.asked: deque[Asked] = deque(maxlen=MAX_ASKED)  # in their order, for the record of a run
+        self.asked: deque[SentRequest] = deque(maxlen=MAX_ASKED)  # in their order, for the record of a run
 
     def start_hubs(self, part: Path | None = None, stamped: bool = False) -> None:
         """Virtual buses with simulated drives, and hubs that share an adapter.
@@ -231,18 +231,18 @@ class Engine:
 
         Raises CommandRefused where nobody takes it.
         """
-        with self._sending(Asked(request, value)) as (operator, number):
+        with self._sending(SentRequest(request, value)) as (operator, number):
             send_request(operator, request, value, number)
         return number
 
     def jog(self, jog: Jog) -> int:
         """As ``request``; to be sent again within 200 ms, or the tick comes to rest by itself."""
-        with self._sending(Asked(Request.JOG, jog=jog)) as (operator, number):
+        with self._sending(SentRequest(Request.JOG, jog=jog)) as (operator, number):
             send_jog(operator, jog, number)
         return number
 
     @contextlib.contextmanager
-    def _sending(self, asked: Asked) -> Iterator[tuple[socket.socket, int]]:
+    def _sending(self, asked: SentRequest) -> Iterator[tuple[socket.socket, int]]:
         """Numbers rise in the order in which the tick takes them; nobody waits here for anything."""
         request = asked.request
         try:

@@ -1,4 +1,4 @@
-"""Faults and warnings as they come and go: each told once, as an alarm, with its recording.
+"""Faults and warnings as they come and go: each reported once, as an alarm, with its recording.
 
 The main thread looks; the door's thread reads what is shown. A recording takes the better part of a
 second: where the machine stands in a fault the main thread has that time, but a hold or a warning
@@ -30,14 +30,14 @@ class Troubles:
         self._keeper: Keeper | None = None  # of recordings; there is one while there is a tick
         self._machine, self._alarms, self._writer = machine, alarms, writer
         self._fault = self._warning = Fault.NONE
-        self._told_before: dict[str, Any] | None = None  # the alarm of a fault that the tick is yet to tell
+        self._told_before: dict[str, Any] | None = None  # the alarm of a fault that the tick is yet to report
         self._owed: list[int] = []  # alarms whose recording is still to come
         self._first: Snapshot | None = None  # when the first of them came, with its fault
         self._written: list[int] = []  # alarms of the recording that is being written
         self._writing: Future[Path] | None = None
 
     def begin(self) -> None:
-        """There is a new tick, which has told nothing yet."""
+        """There is a new tick, which has reported nothing yet."""
         self.shown, self._fault = None, Fault.NONE
         self._told_before = None
         self._owed.clear()
@@ -60,7 +60,7 @@ class Troubles:
         return self._of(now)
 
     def look(self, now: Snapshot) -> None:
-        """A fault is told as soon as it is seen; its recording follows when the machine stands."""
+        """A fault is reported as soon as it is seen; its recording follows when the machine stands."""
         if now.fault is not Fault.NONE and now.fault is not self._fault:
             self._show(now.fault, self._of(now), now)
         elif now.fault is Fault.NONE:
@@ -77,7 +77,7 @@ class Troubles:
         self._told_before = alarm if runs and now.fault is not Fault.PLANNER_GONE else None
 
     def run_over(self) -> None:
-        """What becomes of a program has been told."""
+        """What becomes of a program has been reported."""
         self._told_before = None
 
     @property
@@ -134,7 +134,7 @@ class Troubles:
         owed.clear()
 
     def _show(self, fault: Fault, shown: dict[str, Any], now: Snapshot, words: str = "") -> None:
-        """The present fault, with number and time of its alarm; one alarm for what was told before."""
+        """The present fault, with number and time of its alarm; one alarm for what was reported before."""
         before, self._told_before = self._told_before, None
         alarm = before if before and before["name"] == fault.name else self._tell(fault, shown, now, words)
         self.shown = {**shown, "number": alarm["id"], "time_s": alarm["time_s"]}

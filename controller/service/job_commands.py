@@ -119,7 +119,7 @@ def macro(handlers: HandlerContext, values: Values) -> Answer:
 
 
 def probe(handlers: HandlerContext, values: Values) -> Answer:
-    """A probing cycle, from where the probe stands."""
+    """A probing cycle, from where the probe is."""
     return handlers.begin(
         "probe", jobs.probing(values, handlers.service.set_up.machine, handlers.service.set_up.tool)
     )

@@ -9,11 +9,12 @@ from __future__ import annotations
 import threading
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
+from controller.ipc.control_socket import Values
 from controller.ipc.handoff import Snapshot
 from controller.machine.changes import Change
-from controller.messages import Message, message
+from controller.messages import Message, facts, message
 from controller.program import modal
 from controller.program.modal import State
 from controller.runtime.plan_messages import News, Program
@@ -22,12 +23,30 @@ from controller.service.contour_guard import ContourGuard
 from controller.service.job_status import ended_early
 from controller.service.jobs import Job, bars_the_next, journalled, whole_from
 from controller.service.journal import Entry
-from controller.service.last_run import NOT_STARTED, LastRun
 from controller.service.modal_state import ModalState
 from controller.service.owners import Owners
 from controller.service.run_recorder import RunRecorder
 
+NOT_STARTED = "not_started"  # result of a run that was being prepared, and moved nothing
 GIVEN_UP = ("stopped", "given_up")  # keys of why a start went no further
+
+
+class LastRun(NamedTuple):
+    """The run under way, or the last; whoever started it waits for its end by its id.
+
+    ``result``: None while it is under way, else as of a record; ``said``: why it ended early.
+    """
+
+    id: str  # the name of its record
+    program: str
+    result: str | None = None
+    line: int | None = None
+    said: Message | None = None
+
+    def to_json(self) -> Values:
+        return {"id": self.id, "program": self.program, "result": self.result, "line": self.line} | facts(
+            self.said
+        )
 
 
 class JobRun:

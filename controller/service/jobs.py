@@ -72,7 +72,7 @@ class Motions:
         return {number for number in fed if number < ENTRY_ID}
 
     def under_way(self, motion_id: int) -> MotionFacts | None:
-        """That one; those of the program that lie behind it are forgotten."""
+        """That one; those of the program before it are forgotten."""
         passed = motion_id if motion_id < ENTRY_ID else 0  # an entry, and a way aside, lie beside it
         for old in [name for name in list(self.ways) if 0 <= name < passed]:
             self.ways.pop(old, None)
@@ -108,7 +108,7 @@ class Announced:
         self._due.extend(news.messages)
 
     def pass_rows(self, motion_ids: Iterable[int]) -> None:
-        """The motions of the ticks since: of short ones, and of the last before a stop, no snapshot tells."""
+        """The motions of the ticks since: of short ones, and of the last before a stop, no snapshot shows."""
         self._reached = max(self._reached, *(number for number in motion_ids if number < ENTRY_ID), -1)
 
     def say(self, now: Snapshot, ended: bool = False) -> list[Change]:
@@ -193,7 +193,7 @@ class Job:
     taken: bool = False  # the tick has begun with it
     refused: bool = False  # a block on the way was; the tool stands before it
     lost: bool = False  # the plan that knew the rest of it is gone
-    armed_tick: int = -1  # what was seen of the machine before it tells nothing of this run
+    armed_tick: int = -1  # what was seen of the machine before it says nothing of this run
     nominal_s: float = 0.0  # of a whole run at 100 %, before the place where the tool is
     last: Snapshot | None = None  # of the program's own motions
     _seen_s: float | None = None  # plan time of the last look
@@ -228,7 +228,7 @@ class Job:
         self.program = replace(self.program, start=start, dry_run_mm=dry_run_mm, begin=begin)
 
     def checked(self, facts: dict[str, Any], durations: Durations) -> dict[str, Any]:
-        """What the plan has found of it; what is told of that."""
+        """What the plan has found of it; what is reported of that."""
         self.before_s, self.blocks, self.notes = facts.pop("passed_s"), facts["blocks"], facts["notes"]
         self.time.check(facts["duration_s"], facts.pop("marks"), facts.pop("events"), durations)
         self.time.stands(facts.pop("timetable"))
@@ -263,7 +263,7 @@ class Job:
         self.taken = True
 
     def lose_plan(self) -> None:
-        """What another plan tells is not of it."""
+        """What another plan reports is not of it."""
         self.lost = True
 
     def refuse_rest(self, refusal: Message) -> Message:
@@ -276,7 +276,7 @@ class Job:
         self.tools = tools
 
     def hear(self, news: News) -> None:
-        """What the plan tells while it runs."""
+        """What the plan reports while it runs."""
         if self.lost:
             return  # it is another plan, which knows nothing of this program
         self.time.hear(news.timetable)
@@ -339,7 +339,7 @@ class Job:
 
 
 def settles_s(job: Job, now: Snapshot) -> float:
-    """What the spindle takes at a start now, until it turns as it is told before the first motion: it stops,
+    """What the spindle takes at a start now, until it turns as asked before the first motion: it stops,
     but where the run goes on with what is on.
     """
     machine = job.program.machine
@@ -431,7 +431,7 @@ def homed_position(machine: Machine) -> Joints:
 
 
 def mdi(text: str, machine: Machine, is_own: bool = False) -> Job:
-    """A line of program typed by hand, with the shipped cycles that it calls behind it.
+    """A line of program typed by hand, followed by the shipped cycles that it calls.
 
     ``is_own``: lines of the control's own, which begin as at power-on.
     """

@@ -307,6 +307,9 @@ class Journal:
             self._stand(now, rows, known)
             if self._seen is not None:
                 self._write(now, self._seen, self._known, True, False)
+        elif self.problem and self._clock() - self._written_s >= EVERY_S:
+            self._written_s = self._clock()
+            self.keep()  # the disk may take it by now
 
     def _off_the_path(self, now: Snapshot) -> None:
         """Each drive stopped by a ramp of its own: where the path was left the drives had not yet been."""

@@ -49,7 +49,7 @@ def run(
         machine = engine.simulated(machine)
     elif any(bus.interface == "virtual" for bus in machine.buses):
         raise SessionError(message("startup.no_drives", name=machine.name))
-    asked = children.Asked()
+    asked = children.EndRequest()
     control = control_socket.control_path(runtime)
     with (
         opened(machine, Folders.within(state), runtime, group, part) as service,

@@ -62,13 +62,13 @@ class Owners:
         self.probed, self.durations = Probed(self.store), durations.of_service(self.store)
         self.thread = ThreadGuard(self.store)
         self.sequencer = Sequencer(self._failed)
-        self.writer = ThreadPoolExecutor(1, "records")  # of what runs leave behind
+        self.writer = ThreadPoolExecutor(1, "records")  # of what runs leave
         entry = journal.read(self.store)
         self.interrupted = entry if entry is not None and not entry.ended else None  # a run, by the last end
         self.journal = Journal(self.store, last=entry)
         for damaged in (*self.store.losses, *losses):
             self.alarms.add(alarms.DAMAGE, damaged)
-        for lost in runs.settle(state):
+        for lost in runs.settle(self.store, state):
             self.alarms.add(runs.ALARM, lost)
         runs.index(self.store, state)
         sealed_file.mark(state, SEALED)
@@ -109,7 +109,7 @@ class Owners:
                 self.changer.store.forget()
 
     def _worn(self, tool: int) -> Message | None:
-        """What is told before a tool comes whose life is over; None of any other."""
+        """What is said before a tool comes whose life is over; None of any other."""
         return self.usage.worn_message("change_worn", tool, self.set_up.tool_numbers)
 
     def _save_usage(self, at_once: bool = False) -> None:

@@ -130,7 +130,7 @@ def tell_beside(service: Service) -> None:
     if entry is None or entry.ended or job is None or job.state != "fault":
         return
     program = replace(job.program, spot=entry.spot, start=entry.job.start)
-    with contextlib.suppress(CommandRefused):  # the program may be refused by now, and this is only told
+    with contextlib.suppress(CommandRefused):  # the program may be refused by now, and this is only shown
         if found := service.engine.line.order("beside", program=program)["said"]:
             service.alarms.add("BESIDE_THE_PATH", found, line=entry.spot.line)
 

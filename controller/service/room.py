@@ -1,4 +1,4 @@
-"""Room on the disk for what runs and faults leave behind.
+"""Room on the disk for what runs and faults leave.
 
 They may take so many bytes, ``[records]`` of the machine file; beyond them the oldest go, of runs and faults
 alike, but for what an operator keeps and for the last run, which no budget ends while it is under way.
@@ -93,7 +93,7 @@ def _size(record: Path, state: Path) -> int:
 
 
 def needed(ticks: float) -> int:
-    """Bytes that a run of so many ticks takes, about, and what is to stay free behind it."""
+    """Bytes that a run of so many ticks takes, about, and what is to stay free after it."""
     growing = len(setpoints.TABLES) * 2 * setpoints.SEGMENT_BYTES  # and one that is being packed
     return round(min(ticks * ROW_BYTES, growing + ticks * PACKED_BYTES)) + SPARE_BYTES
 

@@ -1,4 +1,4 @@
-"""What a run leaves on the disk while it is under way: rows and events, each behind the last one.
+"""What a run leaves on the disk while it is under way: rows and events, each after the last one.
 
 Nothing that was written is written again before its segment is full (``state.setpoints``), so that a loss
 of power costs what the disk had not been told of yet: ``sync`` tells it, some twenty times a second. A reader
@@ -43,7 +43,7 @@ from controller.ipc.handoff import (
 )
 from controller.messages import Message, reason
 from controller.runtime import events
-from controller.service.engine import Asked
+from controller.service.engine import SentRequest
 from controller.state import setpoints
 from controller.state.modes import Fault, Request
 from controller.state.setpoints import PART, TABLES, WHOLE, Counts, Table
@@ -152,7 +152,7 @@ class RunFile:
         if not data or self.problem:
             return
         try:
-            if file.write(data) != len(data):  # the disk took a part: what came behind it would be torn
+            if file.write(data) != len(data):  # the disk took a part: what came after it would be torn
                 self.problem = reason(OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)))
         except OSError as error:
             self.problem = reason(error)
@@ -299,7 +299,7 @@ class RowEvents:
         self._led = np.zeros((1, 2))  # likewise: how far the spindle led the axes, and that it had settled
         self._share = 1.0  # likewise: what the load of the spindle left of the feed
 
-    def find_requests(self, rows: Rows, asked: deque[Asked], now: Snapshot | None) -> None:
+    def find_requests(self, rows: Rows, asked: deque[SentRequest], now: Snapshot | None) -> None:
         """Add requests, as of ``RunRecord.take``, and pieces of the plan.
 
         Numbers rise in the order in which the tick takes them, and a row has the last that it took.
@@ -380,7 +380,7 @@ def _changes(values: npt.NDArray[Any], before: float) -> Iterable[int]:
     return np.flatnonzero(np.diff(values, prepend=before)).tolist() if np.any(values != before) else ()
 
 
-def _request_line(one: Asked) -> dict[str, Any]:
+def _request_line(one: SentRequest) -> dict[str, Any]:
     """As ``session.events`` reads it."""
     name = _NAMES[one.request]
     if one.jog is not None:

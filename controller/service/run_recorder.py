@@ -83,7 +83,7 @@ class RunRecorder:
     def _make_room(self) -> bool:
         with contextlib.suppress(OSError):
             return self._room.make()
-        return True  # what cannot be written is told where it is
+        return True  # what cannot be written is reported where it is
 
     def find(self, results: Sequence[dict[str, Any]]) -> None:
         """What probing cycles have found."""

@@ -39,7 +39,7 @@ from controller.runtime import events
 from controller.runtime.plan_messages import Program, Turn
 from controller.runtime.recording import new_folder
 from controller.runtime.starts import Start
-from controller.service.engine import Asked
+from controller.service.engine import SentRequest
 from controller.service.journal import sha256
 from controller.service.run_file import RowEvents, RunEvents, RunFile
 from controller.state import record_files
@@ -115,7 +115,7 @@ class RunRecord:
 
     # -- while it runs
 
-    def take(self, rows: Rows, asked: deque[Asked] | None = None, now: Snapshot | None = None) -> None:
+    def take(self, rows: Rows, asked: deque[SentRequest] | None = None, now: Snapshot | None = None) -> None:
         """The next rows of the recorder, and what was ``asked`` of the tick; what came is taken from it.
 
         ``now`` is a snapshot from after these rows: it tells what came of the requests.
@@ -195,7 +195,7 @@ class RunRecord:
         self._ticks, self._last_tick = self._ticks + len(sent), int(sent[-1, COLUMN["tick"]])
 
     def _of_run(self, sent: Rows) -> Rows:
-        """The rows up to the one that found the end: what stands behind it is only the looking whether it
+        """The rows up to the one that found the end: what follows it is only the looking whether it
         stands. Those are kept for the moment that the run goes on.
         """
         behind = np.concatenate([self._behind, sent])
@@ -284,10 +284,14 @@ def _write_facts(file: Path, facts: dict[str, Any]) -> None:
     atomic_file.write(file, sealed_file.text(facts, file.name), file.parent.parent.parent)
 
 
+def plain(name: str) -> str:
+    """What the record of a program is called by."""
+    return re.sub(r"[^A-Za-z0-9._-]+", "_", name)[:60].strip(".") or "program"
+
+
 def _stem(name: str) -> str:
-    plain = re.sub(r"[^A-Za-z0-9._-]+", "_", name)[:60].strip(".") or "program"
     now_s = time.time()  # to the millisecond, so that the names' order is that of the runs
-    return time.strftime(_STEM, time.localtime(now_s)) + f".{int(now_s * 1e3) % 1000:03d}-{plain}"
+    return time.strftime(_STEM, time.localtime(now_s)) + f".{int(now_s * 1e3) % 1000:03d}-{plain(name)}"
 
 
 def index(store: ServiceStore, state: Path) -> None:
@@ -307,9 +311,10 @@ def _read(state: Path, name: str, file: str) -> dict[str, Any]:
     return {}
 
 
-def settle(state: Path) -> list[Message]:
+def settle(store: ServiceStore, state: Path) -> list[Message]:
     """Runs that a service before this one began and did not end are lost: such a run ended when the last of
-    its setpoints was written. What cannot be read of beginnings and ends is put aside, and said by alarms.
+    its setpoints was written. What cannot be read of beginnings and ends is put aside, and said by alarms; an
+    end that has a row is written anew. Raises OSError.
     """
     found = []
     for name in own_files.names(state / FOLDER, state):
@@ -321,7 +326,8 @@ def settle(state: Path) -> list[Message]:
         with contextlib.suppress(OSError):
             if there and not os.path.lexists(folder / RUN):
                 begun = _read(state, name, BEGUN) or _of_name(name)
-                _write_facts(folder / RUN, {**begun, **_ended(folder, state)})
+                known = history.end_of(store, name) or {**begun, **_ended(folder, state)}
+                _write_facts(folder / RUN, known)
             own_files.remove(folder / BEGUN, state)
     return found
 

@@ -34,11 +34,11 @@ class Going:
     """What is prepared goes out once, or is given up before: one of them comes first, whoever asks when."""
 
     def __init__(self) -> None:
-        self._lock = threading.Lock()  # nobody waits behind it for more than a datagram
+        self._lock = threading.Lock()  # nobody waits for it longer than a datagram takes
         self.given_up = False
 
     def give_up(self) -> None:
-        """It does not go out any more; what is asked of the tick from here on comes behind what did."""
+        """It does not go out any more; what is asked of the tick from here on comes after what did."""
         with self._lock:
             self.given_up = True
 
@@ -52,7 +52,7 @@ class Sequencer:
     """One piece of work at a time."""
 
     def __init__(self, failed: Callable[[str, CommandRefused], None]) -> None:
-        """``failed`` is told of work that came to nothing, by name."""
+        """``failed`` is called with work that came to nothing, by name."""
         self.now: Sequence | None = None
         self._going: Going | None = None  # of what is under way, where it moves the tool at its end
         self._failed = failed
@@ -104,7 +104,7 @@ class Sequencer:
             return self._thread.submit(self._run, one, work)
 
     def later(self, work: Callable[[], None]) -> None:
-        """Behind whatever is under way, and told to nobody."""
+        """After whatever is under way, and reported to nobody."""
         self._thread.submit(work)
 
     def wait(self) -> None:
@@ -123,7 +123,7 @@ class Sequencer:
         return {"done": True, **result}
 
     def _ended(self, one: Sequence, so: Sequence) -> None:
-        """What has begun behind it is what is under way."""
+        """What has begun after it is what is under way."""
         with self._lock:
             if self.now is one:
                 self.now = so

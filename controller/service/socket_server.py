@@ -1,6 +1,6 @@
 """The door from inside: lets in whom it may, reads one request after another, sends the answers.
 
-One thread reads all of it, so that a hold never waits behind another verb's work: a handler that
+One thread reads all of it, so that a hold never waits for another verb's work: a handler that
 cannot answer at once gives a ``Future``. The protocol is told in ``controller.ipc.control_socket``.
 """
 
@@ -206,7 +206,7 @@ def _asker(said: Values | None, peer: str) -> Asker:
 
 
 def _listening(path: Path, group: str) -> socket.socket:
-    """The socket, readable for user and group alone; one that was left behind is replaced."""
+    """The socket, readable for user and group alone; one that was left is replaced."""
     path.parent.mkdir(parents=True, exist_ok=True, mode=0o750)
     if is_served(path):
         raise own_files.refusal(errno.EEXIST, message("another_service"), path)

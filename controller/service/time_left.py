@@ -40,7 +40,7 @@ class Left(NamedTuple):
 
 
 class TimeLeft:
-    """Of one program; told what the plan and the tick say."""
+    """Of one program; it hears what the plan and the tick say."""
 
     def __init__(self) -> None:
         self.durations: Durations | None = None
@@ -76,7 +76,7 @@ class TimeLeft:
         self._here = here
 
     def starts(self, at_s: float, settles_s: float = 0.0) -> None:
-        """At a plan time; until the plan says more, it will take what was told before."""
+        """At a plan time; until the plan says more, it will take what was known before."""
         self._begins_s, self._settles_s = at_s, settles_s
         if (here := self._here) is not None:
             events = tuple(event._replace(at_s=event.at_s + at_s) for event in here.events)
@@ -182,7 +182,7 @@ class TimeLeft:
     # -- what is learned
 
     def _learn(self, at_s: float, episodes: Sequence[_Episode]) -> None:
-        """What the pauses at one time of the path clock have taken, where each is told from the others."""
+        """What the pauses at one time of the path clock have taken, where each is known from the others."""
         if self.durations is None or self._table is None:
             return
         events = [event for event in self._table.events if abs(event.at_s - at_s) <= SAME_S]

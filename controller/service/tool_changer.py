@@ -1,6 +1,6 @@
 """A tool changer at work: its journal, kept before every step moves, and the dialogue after one that broke.
 
-The plan has laid the steps of M6 with a stop before each and one behind the last
+The plan has laid the steps of M6 with a stop before each and one after the last
 (``program/tool_change_words``); the tick holds there. Here the stop is seen, the store takes in one
 transaction what the step before has done and which step comes, and only then the tick is told to go on:
 
@@ -77,7 +77,7 @@ class _Resume:
 
 
 class _StepTime:
-    """How long a step has run; one that takes too long is told once, in the words of its builder."""
+    """How long a step has run; one that takes too long is reported once, in the words of its builder."""
 
     def __init__(self, period_s: float) -> None:
         self._period_s = period_s
@@ -94,7 +94,7 @@ class _StepTime:
         self._told = False
 
     def look(self, now: Snapshot, mark: Changing, changer: Changer) -> tuple[Message | None, bool]:
-        """What is told of the step just now; and whether it takes too long."""
+        """What is reported of the step just now; and whether it takes too long."""
         if now.mode is Mode.RUNNING:
             self._ran += now.tick - self._seen_tick
         self._seen_tick = now.tick
@@ -214,7 +214,7 @@ class ToolChanger:
         self._changer, self._tick, self._tell, self._worn = changer, tick, tell, worn
         self.beside = Preparation(store, changer, io, tick, tell, period_s)
         self._stops, self._resume, self._time = _Stops(), _Resume(tick), _StepTime(period_s)
-        self._worn_at: int | None = None  # the stop that has told of a worn tool
+        self._worn_at: int | None = None  # the stop that has reported a worn tool
         self._now: Changing | None = None  # the stop passed last, while a change is under way
         self._keeps = False  # an operator has held: no step begins
         self._waits = False  # a change for the pocket that is prepared
@@ -352,7 +352,7 @@ class ToolChanger:
         return self.doubt or self.whereabouts.refusal(mark)
 
     def _watch(self, now: Snapshot) -> None:
-        """A step that takes too long is held, and told."""
+        """A step that takes too long is held, and reported."""
         if self._now is None:
             return
         told, late = self._time.look(now, self._now, self._changer())

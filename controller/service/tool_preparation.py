@@ -1,7 +1,7 @@
 """T beside a cut: the steps of ``[[changer.prepare]]`` bring a tool's pocket to where M6 takes it.
 
 They switch and look at inputs, and move no axis; so they need no place in the path, and are told to the tick
-one by one while it goes on. Before a step switches anything the store has it; behind its input it is over,
+one by one while it goes on. Before a step switches anything the store has it; after its input it is over,
 and between two of them a preparation may end at any time, for the next begins with the first step again:
 
     T4 ... step 1 | step 2 | step 3   4 stands ready        M6 takes it
@@ -30,14 +30,14 @@ class Tick(Protocol):
 
 
 class _UnderWay(NamedTuple):
-    """A step that has been told to the tick."""
+    """A step that has been sent to the tick."""
 
     tool: int
     number: int  # of the steps, from 0
     asked: int | None  # number of the request; None: it switches nothing
     tick: int  # when
     was_other: bool  # its input has been seen to be otherwise
-    late: bool = False  # not done in time, and told
+    late: bool = False  # not done in time, and reported
 
 
 class Preparation:
@@ -86,7 +86,7 @@ class Preparation:
 
     @property
     def under_way(self) -> bool:
-        """Whether a step has been told to the tick and is not over."""
+        """Whether a step has been sent to the tick and is not over."""
         return self._step is not None
 
     # -- looking on

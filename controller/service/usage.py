@@ -196,7 +196,7 @@ class Usage:
         return passed[-1]
 
     def due(self) -> list[tuple[str, dict[str, Any]]]:
-        """What has come to its end and was not told yet, as keys of the refusals with their values."""
+        """What has come to its end and was not reported yet, as keys of the refusals with their values."""
         found: list[tuple[str, dict[str, Any]]] = []
         with self._lock:
             tools, items = self._kept.tools, self._kept.items

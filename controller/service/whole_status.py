@@ -1,4 +1,4 @@
-"""The status of the service: what the tick's snapshot tells, with the job, the changer and the drives."""
+"""The status of the service: what the tick's snapshot holds, with the job, the changer and the drives."""
 
 from __future__ import annotations
 
@@ -129,7 +129,7 @@ class Kept:
                 self.look(found)
 
     def look(self, found: Snapshot) -> None:
-        """Keep what ``found`` tells, as of a controller that is gone."""
+        """Keep ``found``, as of a controller that is gone."""
         service = self._service
         gone = {**alarms.of(service.set_up.machine, Fault.CONTROLLER_GONE, -1), **message("service_gone")}
         status = {

@@ -166,6 +166,13 @@ def add_run(sql: sqlite3.Connection, facts: Facts) -> None:
     sql.execute("DELETE FROM runs WHERE id <= (SELECT max(id) FROM runs) - ?", (MAX_RUNS,))
 
 
+def end_of(store: ServiceStore, record: str) -> dict[str, Any] | None:
+    """The facts that ``add_run`` was given of a record; None: it has no row. Raises OSError."""
+    for row in store.rows(f"SELECT {_COLUMNS} FROM runs WHERE record = ?", (record,)):
+        return {**json.loads(row[6]), **dict(zip(_OF_RUN, (record, *row[1:6]), strict=True))}
+    return None
+
+
 def records(store: ServiceStore) -> set[str]:
     """Names of the records whose runs have a row. Raises OSError."""
     return {row[0] for row in store.rows("SELECT record FROM runs WHERE record IS NOT NULL")}

@@ -634,7 +634,8 @@ class Cycle:
             return self.again.waits
         peripherals = self.peripherals
         stopped = peripherals.feed_stopped and self.follow.heeds_stop
-        return peripherals.waiting or self.probing.holds or stopped
+        apart = self.stock is not None and self.stock.is_apart
+        return peripherals.waiting or self.probing.holds or stopped or apart
 
     def _jog(self, played: float | None = None) -> None:
         """A step by hand; it cannot fail but by an error of ours, and then no path is left.
@@ -642,7 +643,8 @@ class Cycle:
         ``played``: see ``Jogging.step``.
         """
         jogging = self.jogging
-        is_open = played is None and self.modes.mode is Mode.JOG and self._opens(jogging.axes)
+        apart = self.stock is not None and self.stock.is_apart
+        is_open = played is None and not apart and self.modes.mode is Mode.JOG and self._opens(jogging.axes)
         fault, axis = self._judge(jogging.step(is_open, played), jogging.check)
         self._arrived = not jogging.active
         if fault is not Fault.NONE:

@@ -11,8 +11,9 @@ on its way already. After it stand the periods that ``Lookahead`` sees, and the 
 ```
 
 Where axes miss something, how far a reversal has come is a matter of time: along a stop that the pump has
-begun, or at rest where the rows end, it is with those rows, and for the tick it went on. From the one to the
-other the setpoints are led by a ``Bridge``, as slowly as a reversal itself.
+begun, or at rest where the rows end, it is with those rows, and for the tick it went on. Such a stop is
+played to its rest; from there the setpoints are led to the tick's own by a ``Bridge``, as slowly as a
+reversal itself, and the path waits for it: what it needs of the limits nothing else uses at rest.
 """
 
 from __future__ import annotations
@@ -221,6 +222,12 @@ class Stock:
         plan = self._plan
         return plan is not None and (plan.by_hand or plan.stop is not None) and period >= plan.same_until
 
+    @property
+    def is_apart(self) -> bool:
+        """Whether what is sent is not where the path has it yet: motion waits for it."""
+        behind_rows = self._plan is not None and not self._plan.is_nominal(self.period + DELAY - 1)
+        return self._reverses and (self._bridge is not None or behind_rows)
+
     # -- what is to be played
 
     def moved(self, conditions: Conditions, replaced_s: float) -> None:
@@ -241,6 +248,9 @@ class Stock:
     def publish(self, anew: bool) -> None:
         """After the tick of ``period``. ``anew``: the pump has fallen silent, or the motors have stood."""
         ahead, here, writer, old = self.ahead, self.ahead.here, self._writer, self._plan
+        if self.is_apart and not anew and self._plays_on():
+            self._group.show(self.memory)
+            return
         nominal, stop = ahead.fill()
         first = self.period - 1 + DELAY
         rows = [self._last, here, *ahead.rows]
@@ -283,6 +293,11 @@ class Stock:
         )
         ahead.renewed, self._same = False, True
         self._group.show(self.memory)
+
+    def _plays_on(self) -> bool:
+        """Whether a stop is under way that the pump is to play to its rest; on a thread it is led anew."""
+        self._exact(self.period + DELAY - 1)
+        return self._braking is not None and not (self._braking.over or self.ahead.is_led)
 
     def _columns(self, period: int, row: Row, bridge: Bridge | None) -> tuple[float, ...]:
         """A row as the plan has it."""

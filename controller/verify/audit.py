@@ -73,7 +73,7 @@ def audit(
     progress: Callable[[float], None] = lambda _: None,
     spread: Spread = here,
 ) -> Audit:
-    """What is told of the surfaces of a path; raises ProgramError where the machine refuses them.
+    """What is reported of the surfaces of a path; raises ProgramError where the machine refuses them.
 
     ``read`` gives the program's blocks once more, for the tools; it is not called where
     nothing could be gouged. ``progress`` gets the share of the surfaces that is looked at.

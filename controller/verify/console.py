@@ -6,7 +6,7 @@ import contextlib
 import json
 import math
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextvars import ContextVar
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
+    from controller.machine.toml_table import ConfigError
     from controller.program.program import ProgramError
 
 MAX_WIDTH = 10_000  # of a line, where a table is measured
@@ -34,7 +35,7 @@ class Late:
     def console(self) -> Console:
         from rich.console import Console
 
-        return Console(highlight=False, emoji=False, **self._asked)  # type: ignore[arg-type]
+        return Console(highlight=False, emoji=False, markup=False, **self._asked)  # type: ignore[arg-type]
 
     def print(self, *said: object, **how: Any) -> None:
         tables = sys.modules.get("rich.table")  # who shows one has imported it
@@ -77,9 +78,16 @@ def say(key: str, **values: object) -> str:
     return in_words(messages.message(key, **values))
 
 
-def in_words(text: messages.Message | None) -> str:
+def in_words(text: Mapping[str, Any] | None) -> str:
     """A text in that language; "" for none."""
     return messages.text(text, spoken.get())
+
+
+def answered(as_json: bool, /, **facts: Any) -> bool:
+    """Prints what a command has done where JSON is asked for; whether it is."""
+    if as_json:
+        print(json.dumps({"ok": True, **facts}))
+    return as_json
 
 
 def agreed(question: str) -> bool:
@@ -163,10 +171,9 @@ def ended_as_requested(result: str, sentence: str = "", /, **values: Any) -> End
 
 
 @contextlib.contextmanager
-def refusals(as_json: bool, expected: Callable[[], tuple[type[Exception], ...]]) -> Iterator[None]:
-    """Turns what a user can mend into one sentence and exit code 1.
-
-    ``expected`` names further errors whose words are such a sentence.
+def refusals(as_json: bool) -> Iterator[None]:
+    """Turns what a user can mend into one sentence and exit code 1: every error that is a text, those of
+    programs and machine files, and what the system refuses.
     """
     try:
         yield
@@ -175,16 +182,16 @@ def refusals(as_json: bool, expected: Callable[[], tuple[type[Exception], ...]])
     except OSError as error:
         key = "os_error_of" if error.filename else "os_error"
         why = messages.message(key, file=error.filename, why=error)
-        _refuse(as_json, messages.text(why, spoken.get()), {})
+        _refuse(as_json, in_words(why), {})
     except _of_programs() as error:
         place = {"file": error.file, "line": error.line, "column": error.column}
-        _refuse(as_json, messages.text(error.placed, spoken.get()), {**place, **error.said, **error.facts})
-    except expected() as error:
+        _refuse(as_json, in_words(error.placed), {**place, **error.said, **error.facts})
+    except (messages.TextError, _of_machine_files()) as error:
         own, several = messages.of_error(error), [one.said for one in getattr(error, "mistakes", ())]
         facts = {} if own["key"] == "text" else dict(own)
         if len(several) > 1:
             facts = {"mistakes": several}
-        sentences = (messages.text(one, spoken.get()) for one in several or [own])
+        sentences = (in_words(one) for one in several or [own])
         _refuse(as_json, "\n".join(sentences), facts)
 
 
@@ -193,6 +200,12 @@ def _of_programs() -> type[ProgramError]:
     from controller.program.program import ProgramError
 
     return ProgramError
+
+
+def _of_machine_files() -> type[ConfigError]:
+    from controller.machine.toml_table import ConfigError
+
+    return ConfigError
 
 
 def _plain(value: Any) -> Any:
@@ -212,5 +225,5 @@ def _refuse(as_json: bool, sentence: str, facts: dict[str, Any], exit_code: int 
             )
         )
     else:
-        tell.print(sentence, markup=False)
+        tell.print(sentence)
     raise typer.Exit(exit_code)

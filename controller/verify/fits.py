@@ -58,7 +58,7 @@ class Best:
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
+class SurfaceToFit:
     """A surface to be fitted: its block, and the machine that is to cut it."""
 
     block: CutBlock
@@ -107,7 +107,7 @@ class Trial(NamedTuple):
 Row = tuple[Strategy, float, Trial]  # a placement, the largest radius in it, and its trial
 
 
-def trial(asked: Asked, tool: Tool, strategy: Strategy, tolerance_mm: float) -> Trial:
+def trial(asked: SurfaceToFit, tool: Tool, strategy: Strategy, tolerance_mm: float) -> Trial:
     """One tool in one placement, as ``check`` judges a program that has no other cut."""
     machine = replace(asked.machine, gouge="warn")  # what gouges is to be found here, not refused before
     modal = replace(asked.block.modal, cutter=tool, placement=strategy.value, tolerance_mm=tolerance_mm)
@@ -127,7 +127,7 @@ def trial(asked: Asked, tool: Tool, strategy: Strategy, tolerance_mm: float) -> 
 
 
 def largest(
-    asked: Asked, shape: Tool, strategy: Strategy, tolerance_mm: float, most_mm: float
+    asked: SurfaceToFit, shape: Tool, strategy: Strategy, tolerance_mm: float, most_mm: float
 ) -> tuple[float, Trial]:
     """The largest radius (mm; 0: none) of a shape in one placement, and its trial; of none the last one."""
     low, high, radius = 0.0, most_mm, most_mm
@@ -174,7 +174,7 @@ def kind_of(tool: Tool) -> str:
     return "ball" if tool.corner_mm >= tool.radius_mm else "bull nose"
 
 
-def fit(asked: Asked, tools: Iterable[Tool], tolerance_mm: float) -> list[Best]:
+def fit(asked: SurfaceToFit, tools: Iterable[Tool], tolerance_mm: float) -> list[Best]:
     """For a cylinder and every kind of cutter in the table: the largest radius, free and of the table."""
     table = sorted((tool.worn for tool in tools), key=lambda tool: (-tool.radius_mm, tool.number))
     shapes = {("cylinder", 0.0): Tool(0, "", 1.0, 0.0, 1.0)}
@@ -189,7 +189,7 @@ def fit(asked: Asked, tools: Iterable[Tool], tolerance_mm: float) -> list[Best]:
 
 
 def _of_table(
-    asked: Asked, tools: Iterable[Tool], rows: Sequence[Row], tolerance_mm: float
+    asked: SurfaceToFit, tools: Iterable[Tool], rows: Sequence[Row], tolerance_mm: float
 ) -> tuple[Tool, Strategy] | None:
     """The first of some tools, the largest first, that keeps the tolerance as it is, and its placement."""
     for tool in tools:
@@ -200,7 +200,7 @@ def _of_table(
     return None
 
 
-def _placed(asked: Asked, shape: Tool, tolerance_mm: float) -> list[Row]:
+def _placed(asked: SurfaceToFit, shape: Tool, tolerance_mm: float) -> list[Row]:
     """Largest radius and its trial, by placement; a later one only where it can do better."""
     most = min(LARGEST_MM, asked.hollow_mm() * (1.0 - 1e-6))
     rows = []

@@ -32,7 +32,7 @@ _Pairs = Iterator[tuple[str, str]]
 
 
 MIN_SHARE = 0.005  # of the time; what binds for less is not worth a word in a table
-TWISTED_MM = 1e-4  # less is told as nothing
+TWISTED_MM = 1e-4  # less is shown as nothing
 MAX_BINDS = 3  # in one row
 FULL = 1.0005  # of a limit: 100.1 % in the table
 MAX_HOLES = 40  # of the table; JSON has more

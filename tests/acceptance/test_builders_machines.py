@@ -17,13 +17,14 @@ from typer.testing import CliRunner
 
 from controller.cli import bring_up
 from controller.cli.machine_bundle import app as machines
+from controller.cli.speech import Verbs
 from controller.machine import drive_profiles, machine_file
 from controller.machine.named_files import SHIPPED
 from controller.runtime import checked, drive_sheets, simulation
 from controller.runtime.stepped import SteppedMachine
 
-bring_ups = typer.Typer()
-bring_up.register(bring_ups)
+bring_ups = Verbs()
+bring_ups.command()(bring_up.bring_up)
 
 INCREMENTS = (
     'override = [{object="60A8", default=0x00B50000, reason="set"},'

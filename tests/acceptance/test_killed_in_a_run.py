@@ -298,8 +298,9 @@ def test_a_folder_copied_in_a_cut_is_gone_on_with_elsewhere(
         other.close()
     assert job.program.spot == entry.spot
     assert_at_or_before(entry, copied, begun)
-    rest = resumed(fresh(MACHINE), rest_of(TEXT, entry.spot, MACHINE), in_spindle=2)
-    assert_cut(Again(rest.run, rest.stepped, np.empty((0, 5))), TEXT, entry.spot)
+    left = rest_of(TEXT, entry.spot, MACHINE, whole.start)
+    rest = resumed(fresh(MACHINE), left, in_spindle=2)
+    assert_cut(replace(whole, run=rest.run, stepped=rest.stepped), TEXT, entry.spot)
 
 
 @pytest.mark.parametrize("role", ("plan", "tick", "service"))

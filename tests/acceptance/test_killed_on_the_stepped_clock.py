@@ -9,17 +9,21 @@ from __future__ import annotations
 
 import os
 import random
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from support.live.replayed_runs import Again, assert_cut
+from support.machines.interrupted_runs import fresh
 from support.machines.planning_bench import Bench
-from support.machines.stepped_runs import program
+from support.machines.stepped_runs import cut, program
 
 from controller.ipc.handoff import COLUMN
-from controller.plan.restart.program_position import ENTRY_ID
+from controller.plan.restart.program_position import ENTRY_ID, Spot
+from controller.runtime.events import Event
 from controller.service import journal
-from controller.state.modes import Fault, Mode
+from controller.state.modes import Fault, Mode, Request
 
 pytestmark = pytest.mark.slow
 
@@ -95,3 +99,14 @@ def test_a_killed_tick_loses_at_most_a_second_of_cut(tmp_path: Path, instant: in
     lost_s = sum(place > begin for place in places) * bench.machine.period_s
     assert lost_s <= LOST_S
     goes_on(again, 0)
+
+
+def test_a_cut_that_begins_where_another_was_stopped_is_judged_by_its_own_motions() -> None:
+    """The tool retracts first, so that every motion of the whole run has the next number."""
+    stepped, begin = fresh(), Spot(1, 0.0, 0, 0.0)
+    assert cut(TEXT, events=[Event(2200, Request.STOP)], stepped=stepped).run.result == "stopped"
+    start = stepped.joints
+    done = Again(cut(TEXT, stepped=stepped).run, stepped, np.empty((0, 5)), start=start)
+    assert_cut(done, TEXT, begin)
+    with pytest.raises(AssertionError):
+        assert_cut(replace(done, start=None), TEXT, begin)

@@ -19,7 +19,7 @@ from itertools import count
 import numpy as np
 import pytest
 from support.faults.fault_scripts import rapids
-from support.machines import late_runs, tapping
+from support.machines import late_runs, played_rows, tapping
 from support.machines.late_runs import Healthy
 from support.machines.stepped_runs import program, shipped
 from support.machines.with_tables import with_tables
@@ -154,8 +154,10 @@ def test_late_ticks_where_axes_turn_back_with_play() -> None:
     """How far a reversal has come is another along a stop than in time: between them is no step."""
     healthy = with_play("G1 X10 F6000\nG3 I-10.")
     late = late_runs.Late("one beyond", {1: 0.06}, {})
-    verdicts = list(late_runs.cases(healthy, [(fork, late) for fork in range(524, 660, 16)]))
+    forks = [(fork, late) for fork in range(524, 660, 16)]
+    verdicts = list(late_runs.cases(healthy, forks, played_rows.judged))
     assert [one.wrongs for one in verdicts] == [[]] * len(verdicts)
+    assert max(one.shares["led"] for one in verdicts) > 0.001
 
 
 def test_late_ticks_where_axes_rest_before_they_have_turned_back() -> None:
@@ -163,7 +165,8 @@ def test_late_ticks_where_axes_rest_before_they_have_turned_back() -> None:
     healthy = with_play("G1 X10 F6000\nX9.95\nG4 P0.3\nX10")
     late = late_runs.Late("one beyond", {1: 0.06}, {})
     begin, *_, end = np.flatnonzero(healthy.run.rows[:, COLUMN["line"]] == 4).tolist()
-    verdicts = list(late_runs.cases(healthy, [(n, late) for n in range(begin - 20, end + 10, 4)]))
+    forks = [(n, late) for n in range(begin - 20, end + 10, 4)]
+    verdicts = list(late_runs.cases(healthy, forks, played_rows.judged))
     assert len(verdicts) > 5 and [one.wrongs for one in verdicts] == [[]] * len(verdicts)
 
 

@@ -1,8 +1,8 @@
 """What checking costs: a surface by its placement, chords by their corners, a folder on one worker to many.
 
 A surface's cost is processor time of the library in this process, its parts are those of a check. A folder is
-checked by the command on one process and on two. A line of chords with corners is held beside one of a smooth
-row, in the same run. What more workers do than there are cores is measured with
+checked by the command on one process and on two. A line of chords with corners, or of adaptive clearing, is
+held beside one of a smooth row, in the same run. What more workers do than there are cores is measured with
 processes that wait as long as each program took, instead of working: all of ``controller/workers.py`` runs
 (questions, answers, their order), only the cores are lent. It stands beside the formula there.
 """
@@ -80,13 +80,12 @@ class Timed:
             self.parts_s[part] += time.process_time() - began_s
 
 
-def chord_us(corners_deg: tuple[float, float], path: str, count: int, store: Path) -> float:
-    """Processor time of a line of so many chords in a check."""
-    source = plane_chords.program(count, corners_deg, path)
+def line_us(source: str, store: Path) -> float:
+    """Processor time of a line in a check."""
     machine = machine_file.load("trunnion")
     began_s = time.process_time()
     checked.check(checked.task(source.encode(), "chords.ngc", machine), store)
-    return 1e6 * (time.process_time() - began_s) / count
+    return 1e6 * (time.process_time() - began_s) / source.count("\n")
 
 
 def folder_s(folder: Path, workers: int) -> float:
@@ -127,10 +126,10 @@ def report(short: bool) -> Report:
                 Figure(f"a surface, {placement}", cost_ms, "ms of CPU", of_p1_ms, "P1", at_most=wanted_ms)
             )
         whole_s = sum(one.value for one in found) * 1e-3 * count
-        chords = [
-            (what, chord_us(corners, path, 300 if short else 6000, folder / "chords"))
-            for what, corners, path in CHORDS
-        ]
+        many = 300 if short else 6000
+        sources = {what: plane_chords.program(many, corners, path) for what, corners, path in CHORDS}
+        sources["adaptive clearing"] = plane_chords.adaptive(many)
+        chords = [(what, line_us(source, folder / "chords")) for what, source in sources.items()]
         programs = folder / "programs"
         programs.mkdir()
         for k in range(4 if short else 40):

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import os
 import random
 import shutil
 import sqlite3
@@ -305,6 +306,56 @@ def test_what_is_cut_off_of_what_was_written_ahead_is_noticed(used: Path, tmp_pa
             known = own_database.ahead(file)
             with contextlib.closing(own_database.opened(file)) as sql:
                 assert own_database.has_lost(sql, file, known) is (length is not None and not again), length
+
+
+@pytest.mark.parametrize("name", DATABASES)
+def test_a_cut_of_what_is_in_the_database_already_is_noticed(used: Path, tmp_path: Path, name: str) -> None:
+    """What is left of it is older than the database, and would count before that."""
+    for end in ("", "-wal"):
+        shutil.copyfile(used / f"{name}{end}", tmp_path / f"a{end}")
+    with contextlib.closing(own_database.opened(tmp_path / "a")) as sql:
+        sql.execute("PRAGMA wal_checkpoint(PASSIVE)")
+        for end in ("", "-wal", "-shm"):
+            shutil.copyfile(tmp_path / f"a{end}", tmp_path / f"b{end}")
+    file = tmp_path / "b"
+    known = own_database.ahead(file)
+    assert known is not None and known[0] == frames(tmp_path / "b-wal")
+    os.truncate(tmp_path / "b-wal", 32 + 2 * 4120)
+    with contextlib.closing(own_database.opened(file)) as sql:
+        assert own_database.has_lost(sql, file, known)
+
+
+@pytest.mark.parametrize("name", DATABASES)
+def test_what_was_written_ahead_and_is_gone_with_all_beside_it_is_noticed(
+    used: Path, tmp_path: Path, name: str
+) -> None:
+    """Once, and never where it was closed or is open."""
+    file = tmp_path / Path(name).name
+    for end in ("", *own_database.BESIDE):
+        shutil.copyfile(used / f"{name}{end}", f"{file}{end}")
+    for end in ("-wal", "-shm"):
+        Path(f"{file}{end}").unlink()
+    for is_lost in (True, False, False):
+        known = own_database.ahead(file)
+        with contextlib.closing(own_database.opened(file)) as sql:
+            assert own_database.has_lost(sql, file, known) is is_lost
+            assert own_database.ahead(file) is None and Path(f"{file}-open").exists()
+        assert sorted(tmp_path.iterdir()) == [file]
+
+
+def test_who_only_reads_leaves_what_was_written_ahead_to_the_service(used: Path, tmp_path: Path) -> None:
+    """Also what is damaged of it, of which he reads nothing."""
+    state = Path(shutil.copytree(used, tmp_path / "state"))
+    wal = state / f"{service_store.FILE}-wal"
+    for data in (whole := wal.read_bytes(), whole[:-5000], b""):
+        wal.write_bytes(data)
+        sound = data == whole
+        with contextlib.nullcontext() if sound else pytest.raises(OSError, match="written ahead"):
+            assert service_store.document_of(state, SPINDLE) == 2
+        assert wal.read_bytes() == data
+        service = served(Path(shutil.copytree(state, tmp_path / f"of {len(data)}" / "state")).parent, MACHINE)
+        assert bool(service.store.losses) is not sound
+        service.close()
 
 
 def test_what_was_never_committed_is_no_loss(tmp_path: Path) -> None:

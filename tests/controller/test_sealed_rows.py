@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import random
 import shutil
 import sqlite3
@@ -186,6 +187,18 @@ def test_a_user_who_is_another_than_was_written_is_taken_out_and_reported(
         assert len(store.losses) == 1
     with contextlib.closing(sqlite3.connect(folder / f"{STORE}.damaged1")) as sql:
         assert sql.execute("SELECT count(*) FROM users WHERE name = 'anna'").fetchone() == (1,)
+
+
+@pytest.mark.parametrize("how", [os.unlink, lambda file: os.truncate(file, 0)])
+def test_a_store_in_which_nothing_is_any_more_is_reported_and_the_programs_are_there(
+    folder: Path, how: Any
+) -> None:
+    how(folder / STORE)
+    for _ in range(2):
+        with contextlib.closing(Store(folder)) as store:
+            store.sweep()
+            assert [loss["key"] for loss in store.losses] == ["store_gone"]
+            assert [one.name.split("/")[0] for one in store.programs.list()] == ["recovered"]
 
 
 def test_sums_follow_every_way_of_writing_a_row(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import pytest
-from support.fakes.written_history import indexed
+from support.fakes.written_history import indexed, settled
 from support.faults.harm import PARTS, harmed, times
 from support.suite.seed import SEED
 
@@ -193,12 +193,12 @@ def test_a_beginning_or_end_of_a_run_that_is_damaged_or_of_another_is_put_aside_
     other = file.parent.parent / "2026-11-22T083120.042-other.ngc" / record_files.RUN
     other.parent.mkdir()
     other.write_bytes(file.read_bytes())  # it stands in another's place
-    (found,) = runs.settle(tmp_path)
+    (found,) = settled(tmp_path)
     assert found["key"] == "record_damaged" and found["values"]["file"] == str(other)
     listed = {run.program: run.result for run in indexed(tmp_path)}
     assert listed == {"part.ngc": "completed", "other.ngc": "lost"}
     other.rename(other.with_name(record_files.BEGUN))  # it was killed: nothing but its beginning is there
     for damaged in (file, other.with_name(record_files.BEGUN)):
         damaged.write_bytes(damaged.read_bytes()[:-30])
-    assert len(runs.settle(tmp_path)) == 2 and not runs.settle(tmp_path)
+    assert len(settled(tmp_path)) == 2 and not settled(tmp_path)
     assert file.with_name("run.json.damaged1").exists() and other.exists()

@@ -7,7 +7,7 @@ from guest import on_can
 from support.live.live_machines import assert_within_limits, off_path, traced
 from support.machines.stepped_runs import program
 
-from controller.ipc.handoff import COLUMN
+from controller.ipc.handoff import COLUMN, OFF_PATH
 from controller.machine.model import Machine
 from controller.state.modes import Fault, Mode
 
@@ -41,7 +41,7 @@ def attempt(machine: Machine, feed: str) -> tuple[int, Fault, bool]:
     cutting = rows[rows[:, COLUMN["cutting"]] != 0.0]
     sent = int(np.count_nonzero(cutting[:, COLUMN["sync_sent"]] != 0.0))
     print(f"{len(cutting)} ticks of cutting, {len(cutting) - sent} without SYNC, {last.skips} skips in all")
-    moved = rows[rows[:, COLUMN["fault"]] != Fault.FEEDBACK_LOST]  # that drive is told where it says it is
+    moved = rows[rows[:, COLUMN["switches"]].astype(int) & OFF_PATH == 0]  # behind it: where the drives are
     assert off_path(moved, traced(text, machine, start.joints), machine).max() <= ON_PATH_MM
     assert_within_limits(moved, machine)
     assert running.recorder.lost == 0

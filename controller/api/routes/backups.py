@@ -5,21 +5,20 @@ from __future__ import annotations
 import asyncio
 import os
 
-from fastapi import APIRouter, Request
-from fastapi.responses import FileResponse
+from fastapi import Request
 from pydantic import Field
 
 from controller import own_files
 from controller.api import models, own_backups, ticks
-from controller.api.access import needs, panel_of
-from controller.api.answers import Refusal, documented
+from controller.api.access import panel_of
+from controller.api.answers import Refusal
 from controller.api.own_backups import Saved
-from controller.api.roles import Role
+from controller.api.router import SET_UP, VIEW, Router
 from controller.api.routes.records import FILE, FileName, Opened
 from controller.machine.toml_table import ConfigError
 from controller.messages import Key, of_error
 
-router = APIRouter(tags=["back-up"])
+router = Router(tags=["back-up"])
 
 
 class Backup(models.Told):
@@ -37,7 +36,7 @@ class BackupList(models.Told):
     state: str = Field(description="The state folder, that a restore is given.")
 
 
-@router.get("/backups", dependencies=[needs(Role.VIEW)], responses=documented(401, 403, 503))
+@router.get("/backups", VIEW, 503)
 async def backups(request: Request) -> BackupList:
     """The back-ups that were saved from here.
 
@@ -56,12 +55,7 @@ async def backups(request: Request) -> BackupList:
     )
 
 
-@router.post(
-    "/backups",
-    status_code=201,
-    dependencies=[needs(Role.SET_UP)],
-    responses=documented(401, 403, 404, 429, 503, 507),
-)
+@router.post("/backups", SET_UP, 404, 429, 503, 507, status_code=201)
 async def save(request: Request) -> Backup:
     """Save a back-up of now; also while the machine runs."""
     panel = panel_of(request)
@@ -75,7 +69,7 @@ async def save(request: Request) -> Backup:
             raise Refusal.of(503, "store", "no_backup", why=of_error(error)) from error
 
 
-@router.get("/backups/{file}", dependencies=[needs(Role.SET_UP)], response_class=FileResponse, responses=FILE)
+@router.get("/backups/{file}", SET_UP, 404, 422, carries=FILE)
 async def download(request: Request, file: FileName) -> Opened:
     """One of them, to be kept elsewhere."""
     folder = own_backups.folder_of(panel_of(request).store)

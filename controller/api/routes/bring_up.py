@@ -6,14 +6,15 @@ import asyncio
 from pathlib import Path as FilePath
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Path, Request, Response
+from fastapi import Path, Request, Response
 from pydantic import Field
 
 from controller.api import models, ticks
-from controller.api.access import moves, needs, panel_of
-from controller.api.answers import Refusal, documented, spoken
+from controller.api.access import moves, panel_of
+from controller.api.answers import Refusal, spoken
 from controller.api.app_state import Panel
 from controller.api.roles import Role
+from controller.api.router import SET_UP, VIEW, Router, body
 from controller.bringup import protocol as protocols
 from controller.bringup import report
 from controller.bringup import steps as declared
@@ -21,7 +22,7 @@ from controller.bringup.protocol import Protocol
 from controller.bringup.steps import Step
 from controller.verify import console
 
-router = APIRouter(prefix="/bring-up", tags=["bring-up"])
+router = Router(prefix="/bring-up", tags=["bring-up"])
 CARRIED = ("authorization", "cookie", "x-api-key", "x-csrf-token", "x-control-token", "host")
 Name = Annotated[str, Path(max_length=40, pattern="^[a-z_]+(\\.[A-Z]+)?$")]
 
@@ -47,7 +48,7 @@ class StepSkip(models.Sent):
     reason: Annotated[str, Field(min_length=1, max_length=200)]
 
 
-@router.get("", dependencies=[needs(Role.VIEW)], responses=documented(401, 403, 404, 409))
+@router.get("", VIEW, 404, 409)
 async def listed(request: Request) -> models.Told:
     """Every step with what moves, what to look at and what came of it; the question of the one under way."""
     panel = panel_of(request)
@@ -70,12 +71,7 @@ def _row(panel: Panel, protocol: Protocol, step: Step) -> dict[str, Any]:
     return {**row, **texts, "kind": step.kind, "older": older}
 
 
-@router.get(
-    "/report.html",
-    dependencies=[needs(Role.VIEW)],
-    response_class=Response,
-    responses={200: {"content": {"text/html": {"schema": {"type": "string"}}}}, **documented(401, 403, 404)},
-)
+@router.get("/report.html", VIEW, 404, carries=body("text/html", is_text=True))
 async def as_page(request: Request) -> Response:
     """The report with its pictures."""
     panel = panel_of(request)
@@ -87,16 +83,14 @@ async def as_page(request: Request) -> Response:
     return Response(await asyncio.to_thread(page), media_type="text/html")
 
 
-@router.post("/answer", dependencies=[needs(Role.SET_UP)], responses=documented(401, 403, 409, 422))
+@router.post("/answer", SET_UP, 409, 422)
 async def answer(request: Request, body: StepAnswer) -> models.Done:
     """Answer the question of the step under way, or leave that step."""
     panel_of(request).bring_up.answer(body.number, body.answer)
     return models.Done(request="bring_up")
 
 
-@router.post(
-    "/{step}", dependencies=[moves(role=Role.SET_UP)], responses=documented(401, 403, 404, 409, 422, 503)
-)
+@router.post("/{step}", moves(role=Role.SET_UP), 404, 409, 422, 503)
 async def begin(request: Request, step: Name, body: StepStart) -> models.Done:
     """Begin a step: whatever it moves moves now. Hold and stop end it as they end any run."""
     panel = panel_of(request)
@@ -116,7 +110,7 @@ async def begin(request: Request, step: Name, body: StepStart) -> models.Done:
     return models.Done(request="bring_up")
 
 
-@router.post("/{step}/skip", dependencies=[needs(Role.SET_UP)], responses=documented(401, 403, 404, 409, 422))
+@router.post("/{step}/skip", SET_UP, 404, 409, 422)
 async def skip(request: Request, step: Name, body: StepSkip) -> models.Done:
     """Leave a step out, and say why in the protocol."""
     panel = panel_of(request)

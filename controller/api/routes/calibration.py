@@ -14,20 +14,20 @@ from pathlib import Path as FilePath
 from typing import Annotated, Any
 
 import numpy as np
-from fastapi import APIRouter, Path, Request
+from fastapi import Path, Request
 from pydantic import Field
 
 from controller.api import models
-from controller.api.access import needs, owner_of, panel_of, principal
-from controller.api.answers import Refusal, documented
+from controller.api.access import owner_of, panel_of, principal
+from controller.api.answers import Refusal
 from controller.api.app_state import Panel
-from controller.api.roles import Role
+from controller.api.router import OPERATE, VIEW, Router
 from controller.api.routes.ticks import found_in
 from controller.calibration import measurements
 from controller.calibration.refusal import Refusal as Unmeasured
 from controller.ipc.handoff import ROW
 
-router = APIRouter(prefix="/calibration", tags=["calibration"])
+router = Router(prefix="/calibration", tags=["calibration"])
 MAX_TABLE = 1_900_000  # characters
 Value = Annotated[float, Field(ge=-1e9, le=1e9)] | Annotated[str, Field(max_length=measurements.MAX_TEXT)]
 
@@ -53,18 +53,14 @@ class Evaluated(models.Told):
     picture: str | None = Field(description="PNG as base64; null: of this there is none.")
 
 
-@router.get("", dependencies=[needs(Role.VIEW)], responses=documented(401, 403))
+@router.get("", VIEW)
 async def known() -> models.Told:
     """Every measurement: what it takes, its values, whether it finds what stands in a machine file."""
     facts: dict[str, Any] = {"measurements": measurements.listed()}
     return models.Told(**facts)
 
 
-@router.post(
-    "/{name}",
-    dependencies=[needs(Role.OPERATE)],
-    responses=documented(401, 403, 404, 409, 413, 422, 429, 503),
-)
+@router.post("/{name}", OPERATE, 404, 409, 413, 422, 429, 503)
 async def evaluate(request: Request, name: Annotated[str, Path(max_length=20)], body: Measured) -> Evaluated:
     """What a measurement comes to, on the machine as it is fitted."""
     panel = panel_of(request)

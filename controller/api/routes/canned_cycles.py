@@ -4,30 +4,28 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from fastapi import APIRouter, Path, Response
+from fastapi import Path, Response
 
 from controller.api import models
-from controller.api.access import needs
-from controller.api.answers import Refusal, documented
-from controller.api.roles import Role
+from controller.api.answers import Refusal
+from controller.api.router import VIEW, Router, body
 from controller.machine.machine_file import SHIPPED
 
-router = APIRouter(tags=["canned cycles"])
+router = Router(tags=["canned cycles"])
 PICTURES = SHIPPED / "programs" / "cycles"
-SVG = {200: {"content": {"image/svg+xml": {}}}, **documented(401, 403, 404, 422)}
 
 
 class Drawn(models.Told):
     cycles: list[str]
 
 
-@router.get("/cycles", dependencies=[needs(Role.VIEW)], responses=documented(401, 403))
+@router.get("/cycles", VIEW)
 async def cycles() -> Drawn:
     """The codes of which there is a picture."""
     return Drawn(cycles=sorted(file.stem.upper() for file in PICTURES.glob("*.svg")))
 
 
-@router.get("/cycles/{code}.svg", dependencies=[needs(Role.VIEW)], response_class=Response, responses=SVG)
+@router.get("/cycles/{code}.svg", VIEW, 404, 422, carries=body("image/svg+xml"))
 async def picture(code: Annotated[str, Path(max_length=10)]) -> Response:
     """Seen from the side: solid at feed, dashed at rapid, 98 and R the heights of G98 and G99."""
     known = (await cycles()).cycles

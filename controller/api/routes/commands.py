@@ -10,15 +10,16 @@ import inspect
 from collections.abc import Awaitable, Callable
 from typing import Annotated, Any, Literal
 
-from fastapi import APIRouter, Path, Request
+from fastapi import Path, Request
 from pydantic import Field, create_model
 
 from controller.api import access, models
-from controller.api.access import needs, principal
-from controller.api.answers import Refusal, documented
+from controller.api.access import needs, panel_of, principal
+from controller.api.answers import Refusal
 from controller.api.models import Sent, Told
 from controller.api.roles import Role
-from controller.api.routes.machine import MOVES, ask
+from controller.api.router import MOVES, VIEW, Router
+from controller.api.routes.machine import ask
 from controller.commands.arguments import (
     NEEDED,
     Argument,
@@ -53,7 +54,7 @@ GUARDS: dict[Access, Callable[[], Any]] = {
     Access.MOVE: access.moves,
     Access.SET_UP: lambda: needs(Role.SET_UP),
 }
-NAMED = documented(401, 403, 404, 409, 422, 503)  # what is named in the path may be missing
+NAMED = (404, *MOVES)  # what is named in the path may be missing
 ROLES = {Access.LOOK: Role.VIEW, Access.SET_UP: Role.SET_UP}  # all others: to operate
 
 
@@ -77,28 +78,23 @@ class CommandList(Told):
     commands: list[CommandFacts]
 
 
-def made(commands: tuple[Command, ...]) -> APIRouter:
+def made(commands: tuple[Command, ...]) -> Router:
     """A router with the routes of those commands that have one."""
-    found = APIRouter()
+    found = Router()
     for command in commands:
         if command.rest is not None:
             _add(found, command, command.rest)
     return found
 
 
-def _add(router: APIRouter, command: Command, rest: Rest) -> None:
+def _add(router: Router, command: Command, rest: Rest) -> None:
     first = rest.path.partition("/")[0]
     guard = GUARDS[command.access]()
     if rest.seen_s is not None:
         guard = access.moves(most_s=rest.seen_s)
-    router.add_api_route(
-        f"/{rest.path}",
-        _endpoint(command, rest),
-        methods=[rest.method],
-        tags=[TAGS.get(first, first)],
-        dependencies=[guard],
-        responses=NAMED if any(one.in_path for one in command.arguments) else MOVES,
-    )
+    statuses = NAMED if any(one.in_path for one in command.arguments) else MOVES
+    add = router.guarded(rest.method, f"/{rest.path}", guard, *statuses, tags=[TAGS.get(first, first)])
+    add(_endpoint(command, rest))
 
 
 def _endpoint(command: Command, rest: Rest) -> Callable[..., Awaitable[models.Done]]:
@@ -208,7 +204,14 @@ def facts(command: Command) -> CommandFacts:
     )
 
 
-@router.get("/commands", dependencies=[needs(Role.VIEW)], tags=["machine"], responses=documented(401, 403))
+@router.get("/commands", VIEW, tags=["machine"])
 async def commands() -> CommandList:
     """Every command of the machine: who may give it, and in which modes it is possible."""
     return CommandList(commands=[facts(command) for command in ALL])
+
+
+@router.get("/changer", VIEW, 409, 503, tags=["tool changer"])
+async def changer(request: Request) -> models.Told:
+    """Spindle, pockets, the step under way, what must be confirmed, and the last steps."""
+    facts: dict[str, Any] = await panel_of(request).door.ask("changer")
+    return models.Told(**facts)

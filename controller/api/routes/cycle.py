@@ -5,16 +5,15 @@ from __future__ import annotations
 import asyncio
 from typing import Any
 
-from fastapi import APIRouter, Request, Response
+from fastapi import Request, Response
 
 from controller.api import models, service_client
-from controller.api.access import moves, needs, panel_of
-from controller.api.answers import Answer, Refusal, documented
-from controller.api.roles import Role
-from controller.api.routes.machine import LOOKS
+from controller.api.access import panel_of
+from controller.api.answers import Answer, Refusal
+from controller.api.router import LOOKS, MOVE, VIEW, Router
 from controller.messages import message
 
-router = APIRouter(tags=["cycle"])
+router = Router(tags=["cycle"])
 
 
 RETRY = {"Retry-After": {"schema": {"type": "integer"}, "description": "Seconds."}}
@@ -24,7 +23,7 @@ LATER: dict[int | str, dict[str, Any]] = {
 }
 
 
-@router.post("/job", dependencies=[moves()], responses={**LATER, **documented(401, 403, 404, 409, 422, 503)})
+@router.post("/job", MOVE, 404, 409, 422, 503, responses=LATER)
 async def load(request: Request, response: Response, body: models.Load) -> models.Done:
     """Load a program: whole, from a line and a fraction of its block, or where it was interrupted.
 
@@ -49,12 +48,7 @@ def answered(request: Request, response: Response, loaded: dict[str, Any]) -> mo
     return models.Done(request="load", result=loaded)
 
 
-@router.get(
-    "/job",
-    dependencies=[needs(Role.VIEW)],
-    response_model=models.JobFacts,
-    responses=documented(401, 403, 404, 503),
-)
+@router.get("/job", VIEW, 404, 503, response_model=models.JobFacts)
 async def job(request: Request) -> Answer:
     """The program that is loaded, being loaded or under way, or that was last, as the status has it."""
     found = (await panel_of(request).watch.status()).get("job")
@@ -63,7 +57,7 @@ async def job(request: Request) -> Answer:
     return Answer(found)
 
 
-@router.get("/restart", dependencies=[needs(Role.VIEW)], responses=LOOKS)
+@router.get("/restart", VIEW, *LOOKS)
 async def restart(request: Request) -> models.RestartFacts:
     """What was interrupted, and whether it may be gone on with; by itself nothing is."""
     panel = panel_of(request)

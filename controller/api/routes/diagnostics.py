@@ -7,32 +7,31 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Header, Query, Request, Response
+from fastapi import Header, Query, Request, Response
 
 from controller.api import machine_table, models_of_diagnostics, outline, ticks
-from controller.api.access import needs, panel_of
-from controller.api.answers import Refusal, documented
+from controller.api.access import panel_of
+from controller.api.answers import Refusal
 from controller.api.app_state import Panel
 from controller.api.programs import ProgramCheck
-from controller.api.roles import Role
-from controller.api.routes.machine import LOOKS
+from controller.api.router import LOOKS, VIEW, Router, body
 from controller.api.slashes import Name
 from controller.machine.machine_file import written
 from controller.plan.report import picture
 from controller.store.history import History
 
-router = APIRouter(tags=["looks"])
+router = Router(tags=["looks"])
 FAILED = ("fault", "refused", "lost")
 PICTURES = "pictures"  # folder of the panel's, where checks leave them
 
 
-@router.get("/machine/buses", dependencies=[needs(Role.VIEW)], responses=LOOKS)
+@router.get("/machine/buses", VIEW, *LOOKS)
 async def buses(request: Request) -> models_of_diagnostics.BusList:
     """How full each bus is by its budget and as heard, error counters, and how late ticks came."""
     return models_of_diagnostics.BusList(**await panel_of(request).door.ask("buses"))
 
 
-@router.get("/machine/file", dependencies=[needs(Role.VIEW)], responses=documented(401, 403, 404))
+@router.get("/machine/file", VIEW, 404)
 async def machine_file(request: Request) -> models_of_diagnostics.MachineFile:
     """The machine file that the service runs on, value by value, with lines."""
     machine = await asyncio.to_thread(ticks.machine_of, panel_of(request).store.folder)
@@ -41,7 +40,7 @@ async def machine_file(request: Request) -> models_of_diagnostics.MachineFile:
     return models_of_diagnostics.MachineFile(name=machine.name, rows=rows, text=text)
 
 
-@router.get("/statistics/runs", dependencies=[needs(Role.VIEW)], responses=documented(401, 403, 503))
+@router.get("/statistics/runs", VIEW, 503)
 async def run_sums(request: Request) -> models_of_diagnostics.RunSums:
     """Runs counted by their result, and the time they took."""
     found = await panel_of(request).past.ask(History.sums_of_runs)
@@ -60,9 +59,11 @@ SAME: dict[int | str, dict[str, Any]] = {304: {"description": "As it was."}}
 
 @router.get(
     "/programs/{name}/picture",
+    VIEW,
+    404,
+    422,
+    responses=SAME,
     response_model=models_of_diagnostics.PathPicture,
-    dependencies=[needs(Role.VIEW)],
-    responses={**SAME, **documented(401, 403, 404, 422)},
 )
 async def path_picture(
     request: Request, name: Name, if_none_match: Annotated[str | None, Header()] = None
@@ -83,9 +84,10 @@ async def path_picture(
 
 @router.get(
     "/programs/{name}/picture.svg",
-    dependencies=[needs(Role.VIEW)],
-    response_class=Response,
-    responses={200: {"content": {"image/svg+xml": {}}}, **SAME, **documented(401, 403, 404, 422)},
+    VIEW,
+    404,
+    422,
+    carries={**body("image/svg+xml"), **SAME},
 )
 async def path_outline(
     request: Request,

@@ -6,15 +6,16 @@ import contextlib
 from collections.abc import Awaitable, Callable
 
 from anyio import create_task_group, sleep
-from fastapi import APIRouter, WebSocket, WebSocketDisconnect
+from fastapi import WebSocket, WebSocketDisconnect
 
 from controller import messages
 from controller.api.access import address, needs, panel_of, principal
 from controller.api.answers import Refusal, language_of
 from controller.api.events import TOPICS, Listener
 from controller.api.roles import Role
+from controller.api.router import Router
 
-router = APIRouter()
+router = Router()
 CHECK_S = 5.0  # how long a listener who was logged out still hears
 POLICY = 1008  # close code: not allowed (any more)
 TRY_LATER = 1013

@@ -6,17 +6,15 @@ import asyncio
 from collections.abc import Awaitable
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Path, Query, Request
+from fastapi import Path, Query, Request
 
 from controller.api import models
-from controller.api.access import needs, panel_of
-from controller.api.answers import Answer, Refusal, documented
-from controller.api.roles import Role
+from controller.api.access import panel_of
+from controller.api.answers import Answer, Refusal
+from controller.api.router import LOOKS, VIEW, Router
 from controller.ipc import control_socket
 
-router = APIRouter(tags=["machine"])
-MOVES = documented(401, 403, 409, 422, 503)
-LOOKS = documented(401, 403, 503)
+router = Router(tags=["machine"])
 Last = Annotated[
     bool,
     Query(description="Where the service is gone, what it told last, with gone_s; without it that is a 503."),
@@ -30,12 +28,7 @@ async def ask(request: Request, verb: str, **args: Any) -> models.Done:
     return models.Done(request=verb, result=await panel.door.ask(verb, **args))
 
 
-@router.get(
-    "/status",
-    response_model=models.Status,
-    dependencies=[needs(Role.VIEW)],
-    responses=documented(401, 403, 422, 503),
-)
+@router.get("/status", VIEW, 422, 503, response_model=models.Status)
 async def status(request: Request, last: Last = False) -> Answer:
     """What the machine is doing: mode, job with its exact time left, joints, what limits the feed."""
     panel = panel_of(request)
@@ -44,7 +37,7 @@ async def status(request: Request, last: Last = False) -> Answer:
     return Answer({**now, "control": panel.control.holder or None})
 
 
-@router.get("/facts", dependencies=[needs(Role.VIEW)], responses=documented(401, 403, 422, 503))
+@router.get("/facts", VIEW, 422, 503)
 async def facts(request: Request, last: Last = False) -> dict[str, Any]:
     """What does not change while the machine moves: axes, units, limits, tools, offsets, period."""
     return await _or_last_known(panel_of(request).door.ask("facts"), request, "facts", last)
@@ -64,9 +57,7 @@ async def _or_last_known(
         raise
 
 
-@router.get(
-    "/drives/{axis}/terminals", dependencies=[needs(Role.VIEW)], responses=documented(401, 403, 409, 422, 503)
-)
+@router.get("/drives/{axis}/terminals", VIEW, 409, 422, 503)
 async def terminals(
     request: Request, axis: Annotated[str, Path(max_length=1, pattern="^[XYZABC]$")]
 ) -> models.Terminals:
@@ -74,7 +65,7 @@ async def terminals(
     return models.Terminals(**await panel_of(request).door.ask("terminals", axis=axis))
 
 
-@router.get("/drives", dependencies=[needs(Role.VIEW)], responses=LOOKS, response_model_exclude_unset=True)
+@router.get("/drives", VIEW, *LOOKS, response_model_exclude_unset=True)
 async def drives(request: Request) -> models.DriveList:
     """State, statusword, error and age of the heartbeat of every drive."""
     found = await panel_of(request).door.ask("drives")

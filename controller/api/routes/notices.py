@@ -6,17 +6,17 @@ import asyncio
 from dataclasses import asdict
 from typing import Annotated, Any, Literal
 
-from fastapi import APIRouter, Request
+from fastapi import Request
 from pydantic import AfterValidator, Field
 
 from controller import messages
 from controller.api import notice_settings, notices
-from controller.api.access import needs, panel_of, principal
-from controller.api.answers import Refusal, Texts, documented
+from controller.api.access import panel_of, principal
+from controller.api.answers import Refusal, Texts
 from controller.api.app_state import Panel
 from controller.api.models import Number, Sent, Told
 from controller.api.notice_settings import NoticeSettings
-from controller.api.roles import Role
+from controller.api.router import SET_UP, Router
 
 Text = Annotated[str, Field(max_length=2000)]
 
@@ -72,18 +72,17 @@ class NoticeFacts(Told):
     last: dict[str, Delivery] = Field(description="By way: webhook, mail.")
 
 
-router = APIRouter(tags=["notices"])
-GUARD = [needs(Role.SET_UP)]
+router = Router(tags=["notices"])
 
 
-@router.get("/notices", dependencies=GUARD, responses=documented(401, 403, 503))
+@router.get("/notices", SET_UP, 503)
 async def settings(request: Request) -> NoticeFacts:
     """What is set, but for what is secret, and what came of the last notice by each way."""
     panel = panel_of(request)
     return _facts(panel, await _load(panel))
 
 
-@router.patch("/notices", dependencies=GUARD, responses=documented(401, 403, 422, 503))
+@router.patch("/notices", SET_UP, 422, 503)
 async def change(request: Request, body: NoticeChange) -> NoticeFacts:
     """Change some of it; the next notice goes by it."""
     panel, who = panel_of(request), await principal(request)
@@ -92,7 +91,7 @@ async def change(request: Request, body: NoticeChange) -> NoticeFacts:
     return _facts(panel, found)
 
 
-@router.post("/notices/test", dependencies=GUARD, responses=documented(401, 403, 409, 503))
+@router.post("/notices/test", SET_UP, 409, 503)
 async def test(request: Request) -> NoticeFacts:
     """Send one now by every way that is set, once; ``last`` tells what came of it."""
     panel = panel_of(request)

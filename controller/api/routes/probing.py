@@ -9,24 +9,23 @@ import sqlite3
 from datetime import UTC, datetime
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Path, Request, Response
+from fastapi import Path, Request, Response
 from pydantic import Field
 
 from controller.api import models
-from controller.api.access import needs, panel_of
-from controller.api.answers import Refusal, documented
+from controller.api.access import panel_of
+from controller.api.answers import Refusal
 from controller.api.database import StoreError
-from controller.api.roles import Role
-from controller.api.routes.machine import LOOKS
+from controller.api.router import LOOKS, VIEW, Router, body
 from controller.messages import of_error
 from controller.program import probing_cycles
 from controller.store import service_store
 
-router = APIRouter(tags=["probing"])
+router = Router(tags=["probing"])
 Value = Annotated[float, Field(ge=-1000.0, le=1000.0)] | Annotated[str, Field(max_length=8)]
 
 
-@router.get("/probing", dependencies=[needs(Role.VIEW)], responses=LOOKS)
+@router.get("/probing", VIEW, *LOOKS)
 async def cycles() -> models.Told:
     """Every cycle with its values: what each may be, and is where it is not said."""
     facts: dict[str, Any] = {"cycles": probing_cycles.listed(), "offsets": list(probing_cycles.SETTABLE)}
@@ -46,18 +45,13 @@ class Results(models.Told):
     found: list[Found]
 
 
-@router.get("/probing/found", dependencies=[needs(Role.VIEW)], responses=LOOKS)
+@router.get("/probing/found", VIEW, *LOOKS)
 async def results(request: Request) -> Results:
     """What cycles have found, the newest first: those by name, and those of programs."""
     return Results(**await panel_of(request).door.ask("probed"))
 
 
-@router.get(
-    "/probing/found.csv",
-    dependencies=[needs(Role.VIEW)],
-    response_class=Response,
-    responses={200: {"content": {"text/csv": {"schema": {"type": "string"}}}}, **LOOKS},
-)
+@router.get("/probing/found.csv", VIEW, *LOOKS, carries=body("text/csv", is_text=True))
 async def results_csv(request: Request) -> Response:
     """The same as a table: a row for each value."""
     told = await results(request)
@@ -72,15 +66,7 @@ async def results_csv(request: Request) -> Response:
     return Response(made.getvalue(), media_type="text/csv")
 
 
-@router.get(
-    "/probing/touches.csv",
-    dependencies=[needs(Role.VIEW)],
-    response_class=Response,
-    responses={
-        200: {"content": {"text/csv": {"schema": {"type": "string"}}}},
-        **documented(401, 403, 404, 503),
-    },
-)
+@router.get("/probing/touches.csv", VIEW, 404, 503, carries=body("text/csv", is_text=True))
 async def touches(request: Request) -> Response:
     """The last touches of the probe, as calibration, set-up and inspection take them."""
     state = panel_of(request).store.folder
@@ -94,12 +80,7 @@ async def touches(request: Request) -> Response:
     return Response("".join(f"{line}\n" for line in lines), media_type="text/csv")
 
 
-@router.get(
-    "/probing/{name}.svg",
-    dependencies=[needs(Role.VIEW)],
-    response_class=Response,
-    responses={200: {"content": {"image/svg+xml": {}}}, **documented(401, 403, 404, 422)},
-)
+@router.get("/probing/{name}.svg", VIEW, 404, 422, carries=body("image/svg+xml"))
 async def picture(name: Annotated[str, Path(max_length=20)]) -> Response:
     """What a cycle does: the part, the way of the probe, where it touches, the letters of its values."""
     if (drawn := probing_cycles.picture(name)) is None:

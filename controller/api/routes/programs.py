@@ -11,21 +11,20 @@ from dataclasses import asdict
 from typing import Annotated
 from urllib.parse import quote
 
-from fastapi import APIRouter, Query, Request, Response
-from fastapi.responses import FileResponse
+from fastapi import Query, Request, Response
 
 from controller.api import listing, models, multipart, quotas
-from controller.api.access import needs, owner_of, panel_of, principal
-from controller.api.answers import Refusal, documented
+from controller.api.access import owner_of, panel_of, principal
+from controller.api.answers import Refusal
 from controller.api.app_state import Panel
 from controller.api.multipart import Received
 from controller.api.programs import Program
-from controller.api.roles import Role
+from controller.api.router import OPERATE, VIEW, Router
 from controller.api.routes.records import FILE, Opened
 from controller.api.slashes import Name
 from controller.store.history import History
 
-router = APIRouter(tags=["programs"])
+router = Router(tags=["programs"])
 Place = Annotated[int, Query(ge=0, le=10**9)]
 IN_USE_S = 10.0
 IN_LISTS = ("duration_s", "takes_s", "stored", "pictured")  # of what a check found
@@ -69,13 +68,7 @@ def place_of(request: Request, program: Program) -> str:
     return str(request.url_for("program", name=quote(program.name, safe="")))
 
 
-@router.post(
-    "/programs",
-    status_code=201,
-    dependencies=[needs(Role.OPERATE)],
-    openapi_extra=BODY,
-    responses=documented(401, 403, 408, 409, 413, 422, 429, 503, 507),
-)
+@router.post("/programs", OPERATE, 408, 409, 413, 422, 429, 503, 507, status_code=201, openapi_extra=BODY)
 async def upload(request: Request, response: Response) -> models.ProgramFacts:
     """Upload a program under its file's name; it is checked, and never starts by itself."""
     program = (await take(request)).program
@@ -83,7 +76,7 @@ async def upload(request: Request, response: Response) -> models.ProgramFacts:
     return (await _facts(panel_of(request), lambda: [program]))[0]
 
 
-@router.get("/programs", dependencies=[needs(Role.VIEW)], responses=documented(401, 403, 422))
+@router.get("/programs", VIEW, 422)
 async def programs(request: Request, brief: bool = False) -> models.ProgramList:
     """All programs, by name; ``brief``: of what their checks found only what a list shows."""
     panel = panel_of(request)
@@ -91,19 +84,14 @@ async def programs(request: Request, brief: bool = False) -> models.ProgramList:
     return models.ProgramList(programs=[_brief(one) for one in found] if brief else found)
 
 
-@router.get("/programs/{name}", dependencies=[needs(Role.VIEW)], responses=documented(401, 403, 404, 422))
+@router.get("/programs/{name}", VIEW, 404, 422)
 async def program(request: Request, name: Name) -> models.ProgramFacts:
     """One program, with its check and its last run."""
     panel = panel_of(request)
     return (await _facts(panel, lambda: [panel.store.programs.get(name)]))[0]
 
 
-@router.get(
-    "/programs/{name}/text",
-    dependencies=[needs(Role.VIEW)],
-    response_class=FileResponse,
-    responses={**FILE, **documented(503)},
-)
+@router.get("/programs/{name}/text", VIEW, 404, 422, 503, carries=FILE)
 async def text(request: Request, name: Name) -> Opened:
     """The program as it was uploaded, byte by byte."""
     found, file = await asyncio.to_thread(panel_of(request).store.programs.opened, name)
@@ -113,9 +101,7 @@ async def text(request: Request, name: Name) -> Opened:
     )
 
 
-@router.get(
-    "/programs/{name}/around", dependencies=[needs(Role.VIEW)], responses=documented(401, 403, 404, 422, 503)
-)
+@router.get("/programs/{name}/around", VIEW, 404, 422, 503)
 async def around(
     request: Request, name: Name, line: Place, column: Place = 0, file: Annotated[str, Query()] = ""
 ) -> models.LinesAround:
@@ -131,9 +117,7 @@ async def around(
     return models.LinesAround(lines=await asyncio.to_thread(read))
 
 
-@router.post(
-    "/drafts", dependencies=[needs(Role.OPERATE)], responses=documented(401, 403, 413, 422, 429, 503)
-)
+@router.post("/drafts", OPERATE, 413, 422, 429, 503)
 async def draft(request: Request, body: models.Draft) -> models.DraftRead:
     """Have a text read as a program of that name would be; nothing is kept, nothing is planned."""
     owner = owner_of(request, await principal(request))
@@ -141,11 +125,7 @@ async def draft(request: Request, body: models.Draft) -> models.DraftRead:
     return models.DraftRead(refusals=[models.DraftRefusal(**one) for one in found])
 
 
-@router.patch(
-    "/programs/{name}",
-    dependencies=[needs(Role.OPERATE)],
-    responses=documented(401, 403, 404, 409, 422, 503),
-)
+@router.patch("/programs/{name}", OPERATE, 404, 409, 422, 503)
 async def rename(request: Request, name: Name, body: models.Rename) -> models.ProgramFacts:
     """Give a program another name; refused for the loaded one."""
     panel = panel_of(request)
@@ -155,11 +135,7 @@ async def rename(request: Request, name: Name, body: models.Rename) -> models.Pr
     return (await _facts(panel, lambda: [renamed]))[0]
 
 
-@router.patch(
-    "/folders/{name}",
-    dependencies=[needs(Role.OPERATE)],
-    responses=documented(401, 403, 404, 409, 422, 503),
-)
+@router.patch("/folders/{name}", OPERATE, 404, 409, 422, 503)
 async def move(request: Request, name: Name, body: models.Rename) -> models.ProgramList:
     """Give a folder another name, or put it into another one, with all that is in it; what was moved.
 
@@ -176,12 +152,7 @@ async def move(request: Request, name: Name, body: models.Rename) -> models.Prog
     return models.ProgramList(programs=await _facts(panel, listed))
 
 
-@router.delete(
-    "/programs/{name}",
-    status_code=204,
-    dependencies=[needs(Role.OPERATE)],
-    responses=documented(401, 403, 404, 409, 422, 503),
-)
+@router.delete("/programs/{name}", OPERATE, 404, 409, 422, 503, status_code=204)
 async def delete(request: Request, name: Name) -> None:
     """Delete a program; refused for the loaded one."""
     panel = panel_of(request)
@@ -189,21 +160,14 @@ async def delete(request: Request, name: Name) -> None:
     panel.events.tell("programs", {"name": name, "done": "deleted"})
 
 
-@router.get(
-    "/programs/{name}/check", dependencies=[needs(Role.VIEW)], responses=documented(401, 403, 404, 422)
-)
+@router.get("/programs/{name}/check", VIEW, 404, 422)
 async def check(request: Request, name: Name) -> models.CheckFacts:
     """What the check said, or how far it is."""
     panel = panel_of(request)
     return await asyncio.to_thread(lambda: _check(panel, panel.store.programs.get(name)))
 
 
-@router.post(
-    "/programs/{name}/check",
-    status_code=202,
-    dependencies=[needs(Role.OPERATE)],
-    responses=documented(401, 403, 404, 422, 429),
-)
+@router.post("/programs/{name}/check", OPERATE, 404, 422, 429, status_code=202)
 async def ask_check(request: Request, name: Name) -> models.CheckFacts:
     """Have it checked on the machine as it is fitted now, unless it was."""
     panel, owner = panel_of(request), owner_of(request, await principal(request))
@@ -233,11 +197,13 @@ async def _facts(panel: Panel, wanted: Callable[[], Sequence[Program]]) -> list[
 
 
 def _brief(program: models.ProgramFacts) -> models.ProgramFacts:
-    check = program.check
-    if check is not None:
-        check.result = {key: check.result[key] for key in IN_LISTS if key in check.result}
-        check.verdict = check.verdict and check.verdict.model_copy(update={"surfaces": []})
-    return program
+    if (check := program.check) is None:
+        return program
+    result = {key: check.result[key] for key in IN_LISTS if key in check.result}
+    verdict = check.verdict and check.verdict.model_copy(update={"surfaces": []})
+    return program.model_copy(
+        update={"check": check.model_copy(update={"result": result, "verdict": verdict})}
+    )
 
 
 def _check(panel: Panel, program: Program) -> models.CheckFacts:

@@ -6,16 +6,16 @@ import asyncio
 from dataclasses import asdict
 from typing import Annotated
 
-from fastapi import APIRouter, Path, Request, Response
+from fastapi import Path, Request, Response
 from pydantic import Field
 
 from controller import messages
 from controller.api import models, service_client
-from controller.api.access import moves, needs, panel_of, principal
-from controller.api.answers import Refusal, Texts, documented
+from controller.api.access import panel_of, principal
+from controller.api.answers import Refusal, Texts
 from controller.api.app_state import Panel
 from controller.api.models import Number, Sent, Told
-from controller.api.roles import Role
+from controller.api.router import MOVE, OPERATE, VIEW, Router
 from controller.api.routes.cycle import LATER, answered
 
 Count = Annotated[int, Field(ge=1, le=10_000)]
@@ -50,20 +50,17 @@ class QueueFacts(Told, Texts):
     go_on: bool = Field(description="What is next is loaded and started when a run has ended whole.")
 
 
-router = APIRouter(tags=["queue"])
-OPERATE = [needs(Role.OPERATE)]
+router = Router(tags=["queue"])
 EntryNumber = Annotated[int, Path(ge=0, le=2**53)]
 
 
-@router.get("/queue", dependencies=[needs(Role.VIEW)], responses=documented(401, 403, 503))
+@router.get("/queue", VIEW, 503)
 async def queue(request: Request) -> QueueFacts:
     """What is to run, what of it was, and whether it goes on by itself."""
     return await _facts(panel_of(request))
 
 
-@router.post(
-    "/queue", status_code=201, dependencies=OPERATE, responses=documented(401, 403, 404, 422, 429, 503)
-)
+@router.post("/queue", OPERATE, 404, 422, 429, 503, status_code=201)
 async def add(request: Request, body: NewEntry) -> QueueFacts:
     """Put a program at its end; nothing is loaded or started by that."""
     panel, who = panel_of(request), await principal(request)
@@ -73,7 +70,7 @@ async def add(request: Request, body: NewEntry) -> QueueFacts:
     return await _changed(panel)
 
 
-@router.patch("/queue/{number}", dependencies=OPERATE, responses=documented(401, 403, 404, 422, 503))
+@router.patch("/queue/{number}", OPERATE, 404, 422, 503)
 async def change(request: Request, number: EntryNumber, body: EntryChange) -> QueueFacts:
     """Another count, or another place."""
     panel = panel_of(request)
@@ -81,7 +78,7 @@ async def change(request: Request, number: EntryNumber, body: EntryChange) -> Qu
     return await _changed(panel)
 
 
-@router.delete("/queue/{number}", dependencies=OPERATE, responses=documented(401, 403, 404, 422, 503))
+@router.delete("/queue/{number}", OPERATE, 404, 422, 503)
 async def remove(request: Request, number: EntryNumber) -> QueueFacts:
     """Take it out; what is loaded or runs is not touched."""
     panel = panel_of(request)
@@ -89,9 +86,7 @@ async def remove(request: Request, number: EntryNumber) -> QueueFacts:
     return await _changed(panel)
 
 
-@router.post(
-    "/queue/load", dependencies=[moves()], responses={**LATER, **documented(401, 403, 404, 409, 422, 503)}
-)
+@router.post("/queue/load", MOVE, 404, 409, 422, 503, responses=LATER)
 async def load_next(request: Request, response: Response) -> models.Done:
     """Load what is next, as POST /job does; it is started by POST /cycle/start."""
     panel = panel_of(request)
@@ -100,7 +95,7 @@ async def load_next(request: Request, response: Response) -> models.Done:
     return answered(request, response, await service_client.load(panel.store, panel.door, front.program))
 
 
-@router.put("/queue/go_on", dependencies=[moves()], responses=documented(401, 403, 409, 422, 503))
+@router.put("/queue/go_on", MOVE, 409, 422, 503)
 async def go_on(request: Request, body: models.Switch) -> QueueFacts:
     """Whether it goes on by itself after each run that ends whole, as long as whoever asks for it holds
     control and is heard of; any stop, hold, fault or refusal ends that. The first run is started by hand.

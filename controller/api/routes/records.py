@@ -9,38 +9,34 @@ from dataclasses import asdict, replace
 from pathlib import Path as FilePath
 from typing import Annotated, Any, BinaryIO
 
-from fastapi import APIRouter, Path, Query, Request, Response
+from fastapi import Path, Query, Request
 from fastapi.responses import FileResponse, HTMLResponse
 from starlette.types import Receive, Scope, Send
 
 from controller import messages
 from controller.api import models, run_report
-from controller.api.access import needs, panel_of
-from controller.api.answers import Refusal, documented, spoken
+from controller.api.access import panel_of
+from controller.api.answers import Refusal, spoken
 from controller.api.app_state import Panel
 from controller.api.names import leaf_of
-from controller.api.roles import Role
+from controller.api.router import OPERATE, VIEW, Responses, Router, body
 from controller.api.run_report import AS_CUT
 from controller.api.run_verdicts import NothingToJudge, record_name
 from controller.messages import Key
 from controller.state import record_files
 from controller.store.history import Alarm, History, Run
 
-router = APIRouter(tags=["records"])
+router = Router(tags=["records"])
 Most = Annotated[int, Query(ge=1, le=1000, description="At most so many.")]
 Before = Annotated[int | None, Query(ge=0, le=2**53, description="Those before this number.")]
 Only = Annotated[str, Query(pattern="^(all|open)$", description="'open': not acknowledged yet.")]
 Number = Annotated[int, Path(ge=1, le=2**53)]
 Speaks = Annotated[str, Query(max_length=20, description="Language of the page; empty: the one asked for.")]
 MAX_ALARMS = 1000  # looked through for those of a run
-PAGE = documented(401, 403, 422, 503)
+PAGE = (422, 503)
 FileName = Annotated[str, Path(pattern=r"^[0-9A-Za-z][0-9A-Za-z._-]{0,100}$")]
 BYTES = {"content": {"application/octet-stream": {"schema": {"type": "string", "format": "binary"}}}}
-FILE: dict[int | str, dict[str, Any]] = {
-    200: BYTES,
-    206: {**BYTES, "description": "The part that Range asks for."},
-    **documented(401, 403, 404, 422),
-}
+FILE: Responses = {200: BYTES, 206: {**BYTES, "description": "The part that Range asks for."}}
 
 
 class Opened(FileResponse):
@@ -61,7 +57,7 @@ def before(rows: Sequence[Any], most: int) -> int | None:
     return rows[-1].id if len(rows) == most else None
 
 
-@router.get("/alarms", dependencies=[needs(Role.VIEW)], responses=PAGE)
+@router.get("/alarms", VIEW, *PAGE)
 async def alarms(
     request: Request, most: Most = 100, before_id: Before = None, only: Only = "all"
 ) -> models.AlarmList:
@@ -70,11 +66,7 @@ async def alarms(
     return models.AlarmList(alarms=[models.AlarmFacts(**asdict(r)) for r in rows], before=before(rows, most))
 
 
-@router.post(
-    "/alarms/{number}/acknowledge",
-    dependencies=[needs(Role.OPERATE)],
-    responses=documented(401, 403, 404, 409, 422, 503),
-)
+@router.post("/alarms/{number}/acknowledge", OPERATE, 404, 409, 422, 503)
 async def acknowledge(request: Request, number: Number) -> models.AlarmFacts:
     """Somebody has seen an alarm; who, is kept. It resets nothing."""
     panel = panel_of(request)
@@ -90,7 +82,7 @@ async def _alarm(panel: Panel, number: int) -> models.AlarmFacts:
     return models.AlarmFacts(**asdict(found))
 
 
-@router.get("/runs", dependencies=[needs(Role.VIEW)], responses=PAGE)
+@router.get("/runs", VIEW, *PAGE)
 async def runs(request: Request, most: Most = 100, before_id: Before = None) -> models.RunList:
     """Runs, the latest first: duration, cut time, worst following error, result."""
     panel = panel_of(request)
@@ -102,7 +94,7 @@ async def runs(request: Request, most: Most = 100, before_id: Before = None) -> 
     return models.RunList(runs=[models.RunFacts(**asdict(r)) for r in rows], before=before(rows, most))
 
 
-@router.get("/runs/{number}", dependencies=[needs(Role.VIEW)], responses=documented(401, 403, 404, 422, 503))
+@router.get("/runs/{number}", VIEW, 404, 422, 503)
 async def run(request: Request, number: Number) -> models.RunFacts:
     """One run, with the names of its files."""
     panel = panel_of(request)
@@ -114,11 +106,7 @@ async def _with_files(panel: Panel, found: Run) -> models.RunFacts:
     return models.RunFacts(**asdict(found), files=files)
 
 
-@router.post(
-    "/runs/{number}/verdict",
-    dependencies=[needs(Role.OPERATE)],
-    responses=documented(401, 403, 404, 409, 422, 503),
-)
+@router.post("/runs/{number}/verdict", OPERATE, 404, 409, 422, 503)
 async def judge(request: Request, number: Number) -> models.RunFacts:
     """Have a run judged again as its drives have cut it; what comes of it stands with its facts."""
     panel = panel_of(request)
@@ -130,11 +118,7 @@ async def judge(request: Request, number: Number) -> models.RunFacts:
     return await _with_files(panel, found)
 
 
-@router.put(
-    "/runs/{number}/kept",
-    dependencies=[needs(Role.OPERATE)],
-    responses=documented(401, 403, 404, 409, 422, 503),
-)
+@router.put("/runs/{number}/kept", OPERATE, 404, 409, 422, 503)
 async def keep(request: Request, number: Number, body: models.Switch) -> models.RunFacts:
     """Whether the record of a run stays where the oldest go, for room on the disk."""
     panel = panel_of(request)
@@ -143,12 +127,7 @@ async def keep(request: Request, number: Number, body: models.Switch) -> models.
     return await _with_files(panel, await _run(panel, number))
 
 
-@router.get(
-    "/runs/{number}/files/{file}",
-    dependencies=[needs(Role.VIEW)],
-    response_class=FileResponse,
-    responses={**FILE, **documented(503)},
-)
+@router.get("/runs/{number}/files/{file}", VIEW, 404, 422, 503, carries=FILE)
 async def run_file(request: Request, number: Number, file: FileName) -> Opened:
     """One file of a run's record: run.json, setpoints.npz, and what ``directrix replay`` needs."""
     panel = panel_of(request)
@@ -157,12 +136,11 @@ async def run_file(request: Request, number: Number, file: FileName) -> Opened:
 
 @router.get(
     "/runs/{number}/report",
-    dependencies=[needs(Role.VIEW)],
-    response_class=Response,
-    responses={
-        200: {"content": {"text/html": {"schema": {"type": "string"}}}},
-        **documented(401, 403, 404, 422, 503),
-    },
+    VIEW,
+    404,
+    422,
+    503,
+    carries=body("text/html", is_text=True),
 )
 async def report(request: Request, number: Number, language: Speaks = "") -> HTMLResponse:
     """One run as a page to be printed: how it went, its check, its alarms."""
@@ -207,18 +185,13 @@ def _whole(panel: Panel, run: Run) -> Run:
     return replace(run, facts={**run.facts, **more})
 
 
-@router.get("/recordings", dependencies=[needs(Role.VIEW)], responses=documented(401, 403))
+@router.get("/recordings", VIEW)
 async def recordings(request: Request) -> models.RecordingList:
     """What is kept of faults: the last seconds of every tick and of every frame."""
     return models.RecordingList(recordings=await asyncio.to_thread(_listed, panel_of(request).recordings))
 
 
-@router.get(
-    "/recordings/{name}/{file}",
-    dependencies=[needs(Role.VIEW)],
-    response_class=FileResponse,
-    responses=FILE,
-)
+@router.get("/recordings/{name}/{file}", VIEW, 404, 422, carries=FILE)
 async def recording(request: Request, name: FileName, file: FileName) -> Opened:
     """One file of a recording."""
     return await _sent(panel_of(request).recordings, name, file)

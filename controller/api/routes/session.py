@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from typing import Annotated
 
-from fastapi import APIRouter, Header, Path, Request, Response
+from fastapi import Header, Path, Request, Response
 
 from controller.api import models_of_access as models
 from controller.api import passwords
@@ -14,25 +14,24 @@ from controller.api.access import (
     address,
     check_origin,
     cookie_of,
-    moves,
-    needs,
     note_refused,
     panel_of,
     principal,
     stopping_role,
 )
-from controller.api.answers import Refusal, documented
+from controller.api.answers import Refusal
 from controller.api.roles import Principal, Role
+from controller.api.router import MOVE, OPERATE, VIEW, Router
 from controller.api.sessions import NAME_DIGITS, SESSION_S, Session, name_of, sha256
 from controller.api.store import User
 from controller.messages import Key
 
-router = APIRouter(tags=["access"])
-AGAIN = documented(401, 403, 409, 422, 429, 503)
+router = Router(tags=["access"])
+AGAIN = (409, 422, 429, 503)
 SessionName = Annotated[str, Path(pattern=rf"^[0-9a-f]{{{NAME_DIGITS}}}$")]
 
 
-@router.post("/session", responses=documented(401, 403, 409, 422, 429))
+@router.post("/session", None, 409, 422, 429)
 async def log_in(request: Request, response: Response, body: models.LogIn) -> models.SessionFacts:
     """Log in; the answer sets the cookie and tells the token that goes with it."""
     panel, where = panel_of(request), address(request)
@@ -59,15 +58,13 @@ def _set_cookie(request: Request, response: Response, cookie: str) -> None:
     )
 
 
-@router.get("/session", dependencies=[needs(Role.VIEW)], responses=documented(401, 403))
+@router.get("/session", VIEW)
 async def session(request: Request) -> models.SessionFacts:
     """Who asks."""
     return _facts(request, await principal(request))
 
 
-@router.delete(
-    "/session", status_code=204, dependencies=[needs(Role.VIEW)], responses=documented(401, 403, 503)
-)
+@router.delete("/session", VIEW, 503, status_code=204)
 async def log_out(request: Request, response: Response) -> None:
     """End the session."""
     await asyncio.to_thread(panel_of(request).users.log_out, cookie_of(request))
@@ -87,13 +84,13 @@ def _facts(request: Request, who: Principal) -> models.SessionFacts:
 # ---- the own password, and the sessions that are open
 
 
-@router.post("/session/confirm", status_code=204, dependencies=[needs(Role.VIEW)], responses=AGAIN)
+@router.post("/session/confirm", VIEW, *AGAIN, status_code=204)
 async def confirm(request: Request, body: models.Confirm) -> None:
     """Give the password again: for two minutes users and tokens may be changed by this session."""
     await _confirmed(request, body.password)
 
 
-@router.put("/session/password", dependencies=[needs(Role.VIEW)], responses=AGAIN)
+@router.put("/session/password", VIEW, *AGAIN)
 async def own_password(request: Request, response: Response, body: models.OwnPassword) -> models.SessionFacts:
     """Another password of one's own; it asks for the old one. All other sessions of the user end."""
     user = await _confirmed(request, body.old)
@@ -126,7 +123,7 @@ def check_password(password: str, name: str) -> None:
         raise Refusal(422, "password", why)
 
 
-@router.get("/sessions", dependencies=[needs(Role.VIEW)], responses=documented(401, 403))
+@router.get("/sessions", VIEW)
 async def sessions(request: Request) -> models.SessionList:
     """The sessions that are open: one's own, for who sets up all of them."""
     own = cookie_of(request)
@@ -139,12 +136,7 @@ async def sessions(request: Request) -> models.SessionList:
     return models.SessionList(sessions=rows)
 
 
-@router.delete(
-    "/sessions/{name}",
-    status_code=204,
-    dependencies=[needs(Role.VIEW)],
-    responses=documented(401, 403, 404, 422, 503),
-)
+@router.delete("/sessions/{name}", VIEW, 404, 422, 503, status_code=204)
 async def end_session(request: Request, name: SessionName) -> None:
     """End one; whose it is has to log in again."""
     if name not in [known for known, _ in await _visible(request)]:
@@ -162,7 +154,7 @@ async def _visible(request: Request) -> list[tuple[str, Session]]:
 # ---- the control token
 
 
-@router.get("/control", dependencies=[needs(Role.VIEW)], responses=documented(401, 403, 422))
+@router.get("/control", VIEW, 422)
 async def control(
     request: Request, x_control_token: Annotated[str, Header(description="Whether it is this one.")] = ""
 ) -> models.ControlFacts:
@@ -177,7 +169,7 @@ async def control(
     )
 
 
-@router.post("/control", dependencies=[needs(Role.OPERATE)], responses=documented(401, 403, 409, 422))
+@router.post("/control", OPERATE, 409, 422)
 async def take_control(request: Request, body: models.TakeControl) -> models.ControlToken:
     """Take the control token. Taken over, what the other one jogs comes to rest."""
     panel, who = panel_of(request), await principal(request)
@@ -189,7 +181,7 @@ async def take_control(request: Request, body: models.TakeControl) -> models.Con
     return models.ControlToken(holder=who.name, token=token)
 
 
-@router.delete("/control", status_code=204, dependencies=[moves()], responses=documented(401, 403, 409, 422))
+@router.delete("/control", MOVE, 409, 422, status_code=204)
 async def give_control(request: Request) -> None:
     """Give the control token back; a program goes on."""
     panel = panel_of(request)

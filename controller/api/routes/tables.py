@@ -5,20 +5,20 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Path, Request, Response
+from fastapi import Path, Request, Response
 from pydantic import Field, ValidationError
 
 from controller.api import models
-from controller.api.access import moves, needs, panel_of
-from controller.api.answers import Refusal, documented, of_form
-from controller.api.roles import Role
-from controller.api.routes.machine import LOOKS, MOVES, ask
+from controller.api.access import panel_of
+from controller.api.answers import Refusal, of_form
+from controller.api.router import LOOKS, MOVE, MOVES, VIEW, Router, body
+from controller.api.routes.machine import ask
 from controller.geometry.vectors import Frame
 from controller.machine import tool_files
 from controller.machine.changes import turned_deg
 from controller.machine.tool_files import TableRefused
 
-router = APIRouter(tags=["offsets and tools"])
+router = Router(tags=["offsets and tools"])
 NUMBERED = r"G54\.(1 P([1-9]|[1-3][0-9]|4[0-8])|2 P[1-8])"
 OffsetName = Annotated[str, Path(pattern=rf"^(G5[4-9]|G59\.[1-3]|{NUMBERED})$")]
 SetName = Annotated[
@@ -27,7 +27,7 @@ SetName = Annotated[
 ToolNumber = Annotated[int, Path(ge=1, le=99999)]
 
 
-@router.get("/offsets", dependencies=[needs(Role.VIEW)], responses=LOOKS)
+@router.get("/offsets", VIEW, *LOOKS)
 async def offsets(request: Request) -> models.OffsetList:
     """Work offsets, G92's shift, reference points and kept parameters as they are in force, and whence."""
     facts = await panel_of(request).door.ask("facts")
@@ -37,7 +37,7 @@ async def offsets(request: Request) -> models.OffsetList:
     return models.OffsetList(offsets={name: {**turned[name], **one} for name, one in found.items()}, **others)
 
 
-@router.put("/offsets/{name}", dependencies=[moves()], responses=MOVES)
+@router.put("/offsets/{name}", MOVE, *MOVES)
 async def set_offset(request: Request, name: OffsetName, body: models.OffsetValues) -> models.Done:
     """Change a work offset; refused while the machine moves or a program is on."""
     return await ask(request, "set_offset", name=name, values=body.model_dump(exclude_none=True))
@@ -81,14 +81,14 @@ class TouchOff(Touched):
     ] = None
 
 
-@router.post("/offsets/{name}/touch_off", dependencies=[moves()], responses=MOVES)
+@router.post("/offsets/{name}/touch_off", MOVE, *MOVES)
 async def touch_off(request: Request, name: OffsetName, body: TouchOff) -> models.Done:
     """Set a work offset from where the tool stands: in it the work figures read what is given, axis by axis,
     in the state that is in force."""
     return await ask(request, "set_offset", name=name, reads=body.reads, tool=body.tool)
 
 
-@router.get("/tools", dependencies=[needs(Role.VIEW)], responses=LOOKS)
+@router.get("/tools", VIEW, *LOOKS)
 async def tools(request: Request) -> models.ToolList:
     """The tool table as it is in force."""
     return models.ToolList(tools=rows_by(await panel_of(request).door.ask("facts"), "tools", "number"))
@@ -105,27 +105,13 @@ class ToolFile(models.Sent):
     ] = None
 
 
-def _table(media: str) -> dict[int | str, dict[str, Any]]:
-    return {200: {"content": {media: {}}}, **LOOKS}
-
-
-@router.get(
-    "/tools.tbl",
-    dependencies=[needs(Role.VIEW)],
-    response_class=Response,
-    responses=_table("text/plain; charset=utf-8"),
-)
+@router.get("/tools.tbl", VIEW, *LOOKS, carries=body("text/plain; charset=utf-8"))
 async def tools_tbl(request: Request) -> Response:
     """The tool table as LinuxCNC's tool.tbl, wear laid in."""
     return Response(await _written(request, "tools.tbl"), media_type="text/plain")
 
 
-@router.get(
-    "/tools.json",
-    dependencies=[needs(Role.VIEW)],
-    response_class=Response,
-    responses=_table("application/json"),
-)
+@router.get("/tools.json", VIEW, *LOOKS, carries=body("application/json"))
 async def tools_json(request: Request) -> Response:
     """The tool table as JSON with the property names of ISO 13399, wear laid in."""
     return Response(await _written(request, "tools.json"), media_type="application/json")
@@ -135,7 +121,7 @@ async def _written(request: Request, name: str) -> str:
     return tool_files.written((await tools(request)).tools.values(), name)
 
 
-@router.post("/tools/import", dependencies=[moves()], responses=MOVES)
+@router.post("/tools/import", MOVE, *MOVES)
 async def import_tools(request: Request, body: ToolFile) -> models.Done:
     """Take the tools of a file into the table: LinuxCNC's tool.tbl, or JSON with ISO 13399's names.
 
@@ -161,26 +147,21 @@ def _tool_values(row: dict[str, Any]) -> models.ToolValues:
         raise of_form({**one, "loc": (f"T{row['number']}", *one["loc"])} for one in error.errors()) from error
 
 
-@router.put("/tools/{number}", dependencies=[moves()], responses=MOVES)
+@router.put("/tools/{number}", MOVE, *MOVES)
 async def set_tool(request: Request, number: ToolNumber, body: models.ToolValues) -> models.Done:
     """Add or change a tool; refused while the machine moves or a program is on, but for the
     insert that is changed after a retract."""
     return await ask(request, "set_tool", number=number, **body.model_dump(exclude_none=True))
 
 
-@router.post("/tools/{number}/touch_off", dependencies=[moves()], responses=MOVES)
+@router.post("/tools/{number}/touch_off", MOVE, *MOVES)
 async def touch_off_tool(request: Request, number: ToolNumber, body: Touched) -> models.Done:
     """Set a tool's length from where it stands: with it in force the work figure of the one axis that is
     given reads so. Its wear is 0 then."""
     return await ask(request, "set_tool", number=number, reads=body.reads)
 
 
-@router.get(
-    "/tools/{number}/picture",
-    dependencies=[needs(Role.VIEW)],
-    response_class=Response,
-    responses={200: {"content": {"image/svg+xml": {}}}, **documented(401, 403, 404, 422, 503)},
-)
+@router.get("/tools/{number}/picture", VIEW, 404, 422, 503, carries=body("image/svg+xml"))
 async def tool_picture(request: Request, number: ToolNumber) -> Response:
     """A tool's profile, to scale: what cuts, the neck above it, its holder."""
     rows = rows_by(await panel_of(request).door.ask("facts"), "tools", "number")
@@ -189,7 +170,7 @@ async def tool_picture(request: Request, number: ToolNumber) -> Response:
     return Response(tool_files.picture(row), media_type="image/svg+xml")
 
 
-@router.delete("/tools/{number}", dependencies=[moves()], responses=MOVES)
+@router.delete("/tools/{number}", MOVE, *MOVES)
 async def remove_tool(request: Request, number: ToolNumber) -> models.Done:
     """Take a tool out of the table; refused as a change is."""
     return await ask(request, "set_tool", number=number, remove=True)

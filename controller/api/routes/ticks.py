@@ -5,21 +5,21 @@ from __future__ import annotations
 import asyncio
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Query, Request, Response
+from fastapi import Query, Request, Response
 from fastapi.responses import StreamingResponse
 
 from controller.api import models_of_diagnostics as models
 from controller.api import signals, ticks
-from controller.api.access import needs, panel_of
-from controller.api.answers import Refusal, documented
-from controller.api.roles import Role
+from controller.api.access import panel_of
+from controller.api.answers import Refusal
+from controller.api.router import VIEW, Router, body
 from controller.api.routes import records
 from controller.api.signals import Signals
 from controller.geometry.arrays import Array
 from controller.messages import Key
 
-router = APIRouter(prefix="/ticks", tags=["scope"])
-LOOKS = documented(401, 403, 404, 409, 422, 503)
+router = Router(prefix="/ticks", tags=["scope"])
+LOOKS = (404, 409, 422, 503)
 MAX_SIGNALS = 16
 
 Source = Annotated[
@@ -39,14 +39,14 @@ Edge = Annotated[str, Query(pattern="^(rising|falling|either|change)$")]
 Level = Annotated[float, Query(ge=-1e12, le=1e12, allow_inf_nan=False, description="In the signal's unit.")]
 
 
-@router.get("/signals", dependencies=[needs(Role.VIEW)], responses=LOOKS)
+@router.get("/signals", VIEW, *LOOKS)
 async def names(request: Request, source: Source = "now") -> models.SignalList:
     """The signals that there are, with their units, and which ticks."""
     found = await found_in(request, source)
     return models.SignalList(signals=signals.names(found.machine), **_span(found))
 
 
-@router.get("", dependencies=[needs(Role.VIEW)], responses=LOOKS)
+@router.get("", VIEW, *LOOKS)
 async def shown(
     request: Request,
     names: Names,
@@ -60,7 +60,7 @@ async def shown(
     return await asyncio.to_thread(_window, found, wanted, first, last, most)
 
 
-@router.get("/trigger", dependencies=[needs(Role.VIEW)], responses=LOOKS)
+@router.get("/trigger", VIEW, *LOOKS)
 async def trigger(
     request: Request,
     name: Name,
@@ -77,12 +77,7 @@ async def trigger(
     return models.TriggerFacts(tick=None if index is None else int(found.ticks[index]), **_span(found))
 
 
-@router.get(
-    "/export.csv",
-    dependencies=[needs(Role.VIEW)],
-    response_class=StreamingResponse,
-    responses={200: {"content": {"text/csv": {"schema": {"type": "string"}}}}, **LOOKS},
-)
+@router.get("/export.csv", VIEW, *LOOKS, carries=body("text/csv", is_text=True))
 async def as_csv(
     request: Request, names: Names, source: Source = "now", first: Tick = None, last: Tick = None
 ) -> StreamingResponse:
@@ -94,12 +89,7 @@ async def as_csv(
     return StreamingResponse(lines, media_type="text/csv", headers=_named("ticks.csv"))
 
 
-@router.get(
-    "/export.npz",
-    dependencies=[needs(Role.VIEW)],
-    response_class=Response,
-    responses={200: records.FILE[200], **LOOKS},
-)
+@router.get("/export.npz", VIEW, *LOOKS, carries={200: records.FILE[200]})
 async def as_npz(
     request: Request, names: Names, source: Source = "now", first: Tick = None, last: Tick = None
 ) -> Response:

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from fastapi import APIRouter, Request
+from fastapi import Request
 from pydantic import Field
 
-from controller.api.access import needs, panel_of, principal
-from controller.api.answers import documented
+from controller.api.access import panel_of, principal
 from controller.api.models import Number, Sent, Told
-from controller.api.roles import Role
-from controller.api.routes.machine import LOOKS, MOVES
+from controller.api.router import LOOKS, MOVES, OPERATE, SET_UP, VIEW, Router
 from controller.api.routes.tables import ToolNumber
 
 ItemName = Annotated[str, Field(min_length=1, max_length=60)]
@@ -79,36 +77,35 @@ class UsageFacts(Told):
     items: list[Item]
 
 
-router = APIRouter(tags=["tool life and maintenance"])
-OPERATE = [needs(Role.OPERATE)]
-OF_TOOL = {**MOVES, **documented(404)}
+router = Router(tags=["tool life and maintenance"])
+OF_TOOL = (*MOVES, 404)
 
 
-@router.get("/usage", dependencies=[needs(Role.VIEW)], responses=LOOKS)
+@router.get("/usage", VIEW, *LOOKS)
 async def usage(request: Request) -> UsageFacts:
     """How much each tool has cut, how far each axis has gone, and what maintenance is due."""
     return await _usage_facts(request, "usage")
 
 
-@router.put("/usage/tools/{number}", dependencies=OPERATE, responses=OF_TOOL)
+@router.put("/usage/tools/{number}", OPERATE, *OF_TOOL)
 async def tool_life(request: Request, number: ToolNumber, body: ToolLife) -> UsageFacts:
     """Limits of a tool; one that is worn starts no program unless that is confirmed."""
     return await _usage_facts(request, "tool_life", tool=number, **body.model_dump())
 
 
-@router.post("/usage/tools/{number}/renewed", dependencies=OPERATE, responses=OF_TOOL)
+@router.post("/usage/tools/{number}/renewed", OPERATE, *OF_TOOL)
 async def tool_renewed(request: Request, number: ToolNumber) -> UsageFacts:
     """It has a new edge: counted from nothing."""
     return await _usage_facts(request, "tool_renewed", tool=number)
 
 
-@router.put("/usage/maintenance", dependencies=[needs(Role.SET_UP)], responses=MOVES)
+@router.put("/usage/maintenance", SET_UP, *MOVES)
 async def maintenance(request: Request, body: Maintenance) -> UsageFacts:
     """Make a job of maintenance, give it another interval, or take it out."""
     return await _usage_facts(request, "maintenance", **body.model_dump())
 
 
-@router.post("/usage/maintenance/done", dependencies=OPERATE, responses=MOVES)
+@router.post("/usage/maintenance/done", OPERATE, *MOVES)
 async def maintained(request: Request, body: Maintained) -> UsageFacts:
     """It was done just now."""
     who = await principal(request)

@@ -6,25 +6,26 @@ import asyncio
 from dataclasses import asdict
 from typing import Annotated
 
-from fastapi import APIRouter, Path, Request
+from fastapi import Path, Request
 
 from controller.api import models_of_access as models
 from controller.api.access import needs, panel_of, principal
-from controller.api.answers import Refusal, documented
+from controller.api.answers import Refusal
 from controller.api.app_state import Panel
 from controller.api.roles import Role
+from controller.api.router import SET_UP, Router
 from controller.api.routes.records import Before, Most, before
 from controller.api.routes.session import check_password
 from controller.api.users import new_token
 from controller.messages import Key
 
-router = APIRouter(tags=["users"])
+router = Router(tags=["users"])
 Name = Annotated[str, Path(pattern=r"^[A-Za-z0-9_.@-]{1,40}$")]
-GUARD, AGAIN = [needs(Role.SET_UP)], [needs(Role.SET_UP, again=True)]
-CHANGES = documented(401, 403, 404, 409, 422)
+AGAIN = needs(Role.SET_UP, again=True)
+CHANGES = (404, 409, 422)
 
 
-@router.get("/users", dependencies=GUARD, responses=documented(401, 403))
+@router.get("/users", SET_UP)
 async def users(request: Request) -> models.UserList:
     """All users and their roles."""
     rows = await asyncio.to_thread(panel_of(request).store.users.all)
@@ -33,7 +34,7 @@ async def users(request: Request) -> models.UserList:
     )
 
 
-@router.post("/users", status_code=201, dependencies=AGAIN, responses=documented(401, 403, 409, 422))
+@router.post("/users", AGAIN, 409, 422, status_code=201)
 async def add_user(request: Request, body: models.NewUser) -> models.UserFacts:
     """Add a user; the first one is added at the command line."""
     panel = panel_of(request)
@@ -49,7 +50,7 @@ async def add_user(request: Request, body: models.NewUser) -> models.UserFacts:
     return models.UserFacts(name=body.name, role=body.role)
 
 
-@router.patch("/users/{name}", dependencies=AGAIN, responses=CHANGES)
+@router.patch("/users/{name}", AGAIN, *CHANGES)
 async def change_user(request: Request, name: Name, body: models.UserChange) -> models.UserFacts:
     """Another password, another role; the user's sessions end."""
     panel = panel_of(request)
@@ -65,7 +66,7 @@ async def change_user(request: Request, name: Name, body: models.UserChange) -> 
     return models.UserFacts(name=name, role=role)
 
 
-@router.delete("/users/{name}", status_code=204, dependencies=AGAIN, responses=CHANGES)
+@router.delete("/users/{name}", AGAIN, *CHANGES, status_code=204)
 async def remove_user(request: Request, name: Name) -> None:
     """Remove a user; the sessions end."""
     panel = panel_of(request)
@@ -95,14 +96,14 @@ async def _changed(panel: Panel) -> None:
 # ---- tokens of scripts
 
 
-@router.get("/tokens", dependencies=GUARD, responses=documented(401, 403))
+@router.get("/tokens", SET_UP)
 async def tokens(request: Request) -> models.TokenList:
     """The scripts' tokens; not what they are, only whose."""
     rows = await asyncio.to_thread(panel_of(request).store.users.tokens)
     return models.TokenList(tokens=[models.TokenFacts(**asdict(row)) for row in rows])
 
 
-@router.post("/tokens", status_code=201, dependencies=AGAIN, responses=documented(401, 403, 409, 422))
+@router.post("/tokens", AGAIN, 409, 422, status_code=201)
 async def add_token(request: Request, body: models.NewToken) -> models.MadeToken:
     """Make a token for a script; it is told only once."""
     panel, who = panel_of(request), await principal(request)
@@ -113,7 +114,7 @@ async def add_token(request: Request, body: models.NewToken) -> models.MadeToken
     return models.MadeToken(name=body.name, role=body.role, token=token, expires_s=expires_s)
 
 
-@router.delete("/tokens/{name}", status_code=204, dependencies=AGAIN, responses=CHANGES)
+@router.delete("/tokens/{name}", AGAIN, *CHANGES, status_code=204)
 async def remove_token(request: Request, name: Name) -> None:
     """Its script is refused from now on."""
     panel = panel_of(request)
@@ -121,7 +122,7 @@ async def remove_token(request: Request, name: Name) -> None:
     await asyncio.to_thread(panel.users.refresh)
 
 
-@router.get("/audit", dependencies=GUARD, responses=documented(401, 403, 422))
+@router.get("/audit", SET_UP, 422)
 async def audit(request: Request, most: Most = 100, before_id: Before = None) -> models.AuditList:
     """Who asked for what, the latest first."""
     rows = await asyncio.to_thread(panel_of(request).store.audit.list, most, before_id)

@@ -56,6 +56,23 @@ class Form:
         return self.low * c[:-2] + self.mid * c[1:-1] + self.high * c[2:]
 
 
+class Ties(NamedTuple):
+    """Coefficients ``of`` (k,), in order, that are ``factor`` (k,) times a neighbour."""
+
+    of: Index
+    factor: Array
+
+    def among(self, which: Index, free: Flags) -> Ties:
+        """Those of them that are ``free`` (n,) among the coefficients ``which`` (n,)."""
+        here = np.flatnonzero(np.isin(which, self.of) & free)
+        return Ties(here, self.factor[np.searchsorted(self.of, which[here])])
+
+    def and_at(self, place: int, factor: float) -> Ties:
+        """With one more, in front of the others or behind them."""
+        at = 0 if place == 0 else len(self.of)
+        return Ties(np.insert(self.of, at, place), np.insert(self.factor, at, factor))
+
+
 @dataclass(frozen=True, slots=True)
 class Limits:
     """What the spline must keep; all limits are scaled to 1 where they are linear.
@@ -73,8 +90,8 @@ class Limits:
     most: Array
     cap: Array
     cap_price: Array  # (m + 2,) of exceeding it: PRICE, or less where it cannot be helped
-    first: float | None  # c[0] = first * c[1]; None: c[0] and c[1] are held
-    last: float  # c[m + 1] = last * c[m]
+    starts: Ties  # c[i] = factor * c[i + 1], where a law begins at rest; without c[0]: that and c[1] are held
+    ends: Ties  # c[i] = factor * c[i - 1], where one comes to rest
     held: Flags | None = None  # (m + 2,) coefficients that stay as they are
 
 
@@ -190,17 +207,21 @@ class _Part(NamedTuple):
         of = np.concatenate([np.arange(a, b + 2) for a, b in runs])
         which = np.concatenate([np.append(np.arange(a, b), (-1, -1)) for a, b in runs])[:-2]
         held = np.concatenate([np.isin(np.arange(b - a + 2), (0, 1, b - a, b - a + 1)) for a, b in runs])
-        first, last = c[of[0]] / c[of[1]], c[of[-1]] / c[of[-2]]
         if runs[0][0] == 0:
-            first, held[:2] = limits.first, False
+            held[:2] = False
         if runs[-1][1] == len(near):
-            last, held[-2:] = limits.last, False
+            held[-2:] = False
+        starts, ends = limits.starts.among(of, ~held), limits.ends.among(of, ~held)
+        if held[0]:
+            starts = starts.and_at(0, c[of[0]] / c[of[1]])
+        if held[-1]:
+            ends = ends.and_at(len(of) - 1, c[of[-1]] / c[of[-2]])
         time, at = (_columns(form, which, 1.0) for form in (limits.time, limits.at))
         straight, jerk = (_columns(form, which, 0.0) for form in (limits.straight, limits.jerk))
         width = np.where(which < 0, 0.0, limits.width[which])
         cap, price = limits.cap[of], limits.cap_price[of]
         most = limits.most[:, which]
-        made = Limits(time, width, straight, jerk, at, most, cap, price, first, last, held)
+        made = Limits(time, width, straight, jerk, at, most, cap, price, starts, ends, held)
         return _Part(made, which, of)
 
 
@@ -240,8 +261,8 @@ class _Solver:
         )
         self.rows = len(s.low)
         self.free = np.ones(len(limits.cap), dtype=bool)
-        self.free[[0, -1]] = False
-        if limits.first is None:
+        self.free[0] = self.free[limits.starts.of] = self.free[limits.ends.of] = False
+        if 0 not in limits.starts.of:
             self.free[1] = False
         if limits.held is not None:
             self.free[limits.held] = False
@@ -250,10 +271,9 @@ class _Solver:
         self.count = self.forms.low.size + len(self.capped)
 
     def closed(self, c: Array) -> Array:
-        """The coefficients with those at both ends as they depend on their neighbours."""
-        if self.l.first is not None:
-            c[0] = self.l.first * c[1]
-        c[-1] = self.l.last * c[-2]
+        """The coefficients with those beside rests as they depend on their neighbours."""
+        for (of, factor), side in ((self.l.starts, 1), (self.l.ends, -1)):
+            c[of] = factor * c[of + side]
         return c
 
     def left(self, c: Array) -> Left:
@@ -339,16 +359,12 @@ class _Solver:
         return band, right
 
     def newton(self, band: Array, right: Array) -> Array:
-        """Solves for the free coefficients; those at the ends follow."""
-        first, last = self.l.first, self.l.last
-        # c[0] = first c[1] and c[-1] = last c[-2] put into the quadratic form.
-        if first is not None:
-            right[1] += first * right[0]
-            band[2, 1] += first * first * band[2, 0] + 2.0 * first * band[1, 1]
-            band[1, 2] += first * band[0, 2]
-        right[-2] += last * right[-1]
-        band[2, -2] += last * last * band[2, -1] + 2.0 * last * band[1, -1]
-        band[1, -2] += last * band[0, -1]
+        """Solves for the free coefficients; those beside rests follow."""
+        for (of, factor), side in ((self.l.starts, 1), (self.l.ends, -1)):  # put into the quadratic form
+            beside, beyond = of + side, of + 2 * side
+            right[beside] += factor * right[of]
+            band[2, beside] += factor * factor * band[2, of] + 2.0 * factor * band[1, np.maximum(of, beside)]
+            band[1, np.maximum(beside, beyond)] += factor * band[0, np.maximum(of, beyond)]
         fixed = ~self.free
         right[fixed] = 0.0
         band[2, fixed] = 1.0
@@ -361,11 +377,7 @@ class _Solver:
         band[1, 1:] *= scale[1:] * scale[:-1]
         band[0, 2:] *= scale[2:] * scale[:-2]
         band[2] += 1e-13
-        dc = scale * banded.solve(band, scale * right)
-        if first is not None:
-            dc[0] = first * dc[1]
-        dc[-1] = last * dc[-2]
-        return np.asarray(dc)
+        return self.closed(scale * banded.solve(band, scale * right))
 
     def move(self, p: Point, dc: Array, rows: _Moves, cap: _Moves) -> tuple[float, float]:
         change = dc / p.c

@@ -3,7 +3,9 @@
 Knots are exactly where the course changes its manners, so every interval lies in one segment and
 is judged by the derivatives of its own side. From and to rest, between the last knot and
 the standstill, the law is one of constant jerk: there z goes with s^(4/3), so at
-the knot z' = 4/3 z / s, which ties the spline's outermost coefficient to its neighbour.
+the knot z' = 4/3 z / s, which ties the spline's outermost coefficient to its neighbour. A rest inside
+of a course is the same from both sides: the two intervals there are the spline's, too, but without limits or
+time, so that several laws are sought as one.
 """
 
 from __future__ import annotations
@@ -12,9 +14,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from controller.geometry.arrays import Array, within
+from controller.geometry.arrays import Array, Flags, within
 from controller.plan.feed import tool_limits
-from controller.plan.feed.barrier import PRICE, SOFT, Form, Limits
+from controller.plan.feed.barrier import PRICE, SOFT, Form, Limits, Ties
 from controller.plan.feed.course import FeedCourse, Index
 from controller.plan.feed.mesh import Parts
 from controller.plan.feed.tool_limits import ToolRates
@@ -41,6 +43,7 @@ class Grid:
     s: Array
     part: Index  # of each interval
     from_rest: bool
+    rests: Index  # the knots inside at which it rests
     axes: Index
     starts: Derivatives
     ends: Derivatives
@@ -58,13 +61,16 @@ class Grid:
         after[sides] = n + np.arange(len(sides))
         begin = n + len(sides)
         inner = tuple(_part(d, slice(begin + k * n, begin + (k + 1) * n)) for k in range(len(INNER)))
+        rests = np.flatnonzero(np.diff(part) * np.isin(part[:-1], parts.rests)) + 1
         tool: tuple[ToolRates, ...] = ()
         if tool_limits.has_limits(parts.course.machine):
             shares = (1e-9, *INNER, 1.0 - 1e-9)
             tool = tuple(
                 tool_limits.rates(parts.course, s[:-1] + x * width, parts.index[part]) for x in shares
             )
-        return Grid(parts, s, part, from_rest, axes, _part(d, slice(0, n)), _part(d, after), inner, tool)
+        return Grid(
+            parts, s, part, from_rest, rests, axes, _part(d, slice(0, n)), _part(d, after), inner, tool
+        )
 
     def under(self, parts: Parts) -> Grid:
         """The same knots on a course that only allows more or less."""
@@ -80,8 +86,18 @@ class Grid:
         return self.parts.index[self.part]
 
     @property
+    def spline_rests(self) -> Index:
+        """The same as the spline counts knots: the intervals before and behind each are without limits."""
+        return np.asarray(self.rests - self.own.start)
+
+    def of_ways(self, which: Flags) -> Flags:
+        """All intervals of the ways between two rests in which some are ``which``, (n,)."""
+        way = np.searchsorted(self.rests, np.arange(len(which)), side="right")
+        return np.isin(way, way[which])
+
+    @property
     def own(self) -> slice:
-        """The intervals that the spline covers: all but those of constant jerk at rests."""
+        """The intervals that the spline covers: all but those of constant jerk at both ends."""
         return slice(1 if self.from_rest else 0, len(self.part) - 1)
 
     @property
@@ -113,8 +129,8 @@ class Spline:
     slope_end: Form
     bend: Form
     gauss: Form  # (2, m)
-    first: float | None
-    last: float
+    starts: Ties
+    ends: Ties
 
     @staticmethod
     def of(grid: Grid) -> Spline:
@@ -128,9 +144,16 @@ class Spline:
         bend = _mix((1.0 / h, slope_end), (-1.0 / h, slope_start))
         places = [_mix((1.0, z_start), (x * h, slope_start), (0.5 * (x * h) ** 2, bend)) for x in GAUSS]
         gauss = Form(*(np.stack([getattr(form, name) for form in places]) for name in ("low", "mid", "high")))
-        first = 1.0 / (3.0 + 2.0 * float(h[0] / before[0])) if grid.from_rest else None
-        last = 1.0 / (3.0 + 2.0 * float(h[-1] / after[-1]))
-        return Spline(h, z_start, z_end, slope_start, slope_end, bend, gauss, first, last)
+        rests = grid.spline_rests
+        first = np.append([0] if grid.from_rest else [], rests + 1).astype(
+            np.intp
+        )  # intervals behind rests ...
+        last = np.append(rests - 2, len(h) - 1)  # ... and before them
+        starts = Ties(first, 1.0 / (3.0 + 2.0 * (h[first] / before[first])))
+        ends = Ties(last + 2, 1.0 / (3.0 + 2.0 * (h[last] / after[last])))
+        width, gauss = h.copy(), _at(gauss, rests, 1.0)
+        width[rests] = width[rests - 1] = 0.0
+        return Spline(width, z_start, z_end, slope_start, slope_end, bend, gauss, starts, ends)
 
     def held(self, v: float, a: float) -> tuple[float, float]:
         """c[0] and c[1] of a law that begins in motion."""
@@ -174,7 +197,7 @@ class Bounds:
         self._jump_room = np.ones(self.velocity.shape)  # what the jump of acceleration there may be
         full = self.acceleration, self.jerk
         self.acceleration, self.jerk = full[0].copy(), full[1].copy()
-        inner = np.flatnonzero(np.diff(grid.index))
+        inner = np.setdiff1d(np.flatnonzero(np.diff(grid.index)), grid.rests - 1)
         gaps = np.diff(grid.s[inner + 1], prepend=-np.inf, append=np.inf)
         for i, gap in zip(inner.tolist(), np.minimum(gaps[1:], gaps[:-1]).tolist(), strict=True):
             self._at_junction(i, gap, full)
@@ -237,18 +260,18 @@ class Bounds:
         drives += self._tips(shares)
         # The first half of an interval jerks as at a quarter of it, the second as at three.
         early, late = _mix((0.75, f.z_start), (0.25, f.z_end)), _mix((0.25, f.z_start), (0.75, f.z_end))
-        caps = self._caps()
+        caps, none = self._caps(), self.grid.spline_rests
         return Limits(
             f.gauss,
             0.5 * f.width,
-            _stacked([*(_both(form) for form in drives), *self._speeds(shares)]),
-            _stacked([_both(_over(form, jerk)) for form in (self._jerk_start, self._jerk_end)]),
-            _stacked([_rows_of(form, 1) for form in (early, late)]),
+            _at(_stacked([*(_both(form) for form in drives), *self._speeds(shares)]), none),
+            _at(_stacked([_both(_over(form, jerk)) for form in (self._jerk_start, self._jerk_end)]), none),
+            _at(_stacked([_rows_of(form, 1) for form in (early, late)]), none, 1.0),
             np.tile(root, (2, 1)),
             caps,
             self._cap_prices(caps, z),
-            f.first,
-            f.last,
+            f.starts,
+            f.ends,
         )
 
     def _behind_junctions(self, acceleration: Array) -> list[Form]:
@@ -279,23 +302,18 @@ class Bounds:
     def _speeds(self, shares: Shares) -> list[Form]:
         f, own = self.spline, self.grid.own
         start, end = ((speed * shares.velocity)[own] ** 2 for speed in self.speed)
-        z_first, z_last = self._at_rests(shares)
-        start[0], end[-1] = min(start[0], z_first), min(end[-1], z_last)
+        acceleration, jerk = self.acceleration * shares.acceleration, self.jerk * shares.jerk
+        for of, z, side in ((f.starts.of, start, 1), (f.ends.of - 2, end, -1)):
+            for k in of.tolist():  # the intervals of the grid begin one before those of a spline from rest
+                i = k + self.grid.own.start - side
+                z[k] = min(z[k], _rest_z(self.grid, i, side, acceleration[i], jerk[i]))
         return [_over(_rows_of(f.z_start, 1), start[None]), _over(_rows_of(f.z_end, 1), end[None])]
-
-    def _at_rests(self, shares: Shares) -> tuple[float, float]:
-        """z at the first and last knot that a constant jerk from and to rest may reach."""
-        first, last = (
-            _rest_z(
-                self.grid, i, self.acceleration[i] * shares.acceleration[i], self.jerk[i] * shares.jerk[i]
-            )
-            for i in (0, -1)
-        )
-        return first if self.grid.from_rest else np.inf, last
 
     def _caps(self) -> Array:
         """Largest coefficients: nowhere above the feed of any interval that they reach."""
         feed = self.feed[self.grid.own] ** 2
+        rests = self.grid.spline_rests
+        feed[rests] = feed[rests - 1] = np.inf
         cap = np.full(len(feed) + 2, np.inf)
         for shift in range(3):
             here = cap[shift : shift + len(feed)]
@@ -320,10 +338,13 @@ class Bounds:
         return prices
 
 
-def _rest_z(grid: Grid, i: int, acceleration: Array, jerk: Array) -> float:
-    """z at the knot beside the rest, h away from it: v = 3 h / t, a = 2/3 v^2 / h, j = v^3 / (4.5 h^2)."""
-    inner, rest, sign = (grid.ends, grid.starts, 1.0) if i == 0 else (grid.starts, grid.ends, -1.0)
-    h = float(np.diff(grid.s)[i])
+def _rest_z(grid: Grid, i: int, sign: int, acceleration: Array, jerk: Array) -> float:
+    """z that a constant jerk in interval ``i`` from (``sign`` 1) or to rest (-1) may reach at its other end.
+
+    That is h away: v = 3 h / t, a = 2/3 v^2 / h, j = v^3 / (4.5 h^2).
+    """
+    inner, rest = (grid.ends, grid.starts) if sign > 0 else (grid.starts, grid.ends)
+    h = float(grid.s[i + 1] - grid.s[i])
     drive = np.abs(inner.second[i] + sign * 2.0 / 3.0 * inner.first[i] / h)
     even = inner.first[i] / (4.5 * h * h)
     there = np.abs(inner.third[i] + sign * 2.0 * inner.second[i] / h + even)
@@ -352,6 +373,13 @@ def _mix(*terms: tuple[Array | float, Form]) -> Form:
         )
     )
     return Form(low, mid, high)
+
+
+def _at(form: Form, rests: Index, mid: float = 0.0) -> Form:
+    """The same form, but in the intervals beside ``rests`` ``mid`` times the middle coefficient alone."""
+    for i in (rests - 1, rests):
+        form.low[..., i], form.mid[..., i], form.high[..., i] = 0.0, mid, 0.0
+    return form
 
 
 def _over(form: Form, limit: Array) -> Form:

@@ -29,6 +29,7 @@ from controller.plan.segment import Segment
 from controller.plan.surfaces.rates import Derivatives, derivatives, kind, together
 
 Index = npt.NDArray[np.intp]
+Scales = tuple[float, float, float, float]  # override, rapid override, adaptive, everywhere
 
 REMEMBERED = 256  # segments: more than a window has
 THREAD_SHARE = 0.6  # of the axes' limits, along a thread; what is left follows the spindle
@@ -58,7 +59,8 @@ class FeedCourse:
 
     ``adaptive`` and ``everywhere``: as of ``Segment.scale``. ``begins``: s at which each segment is come to,
     where a lead enters one in its middle. ``starts`` (n + 1,) are the places where one goes over into the
-    next, ``zeros`` (n,) those at which each has s = 0: the same but for such a segment.
+    next, ``zeros`` (n,) those at which each has s = 0: the same but for such a segment. ``rests``: numbers of
+    the segments after which the motion rests though the course goes on.
     """
 
     def __init__(
@@ -71,8 +73,9 @@ class FeedCourse:
         adaptive: float = 1.0,
         everywhere: float = 1.0,
         begins: Sequence[float] = (),
+        rests: Sequence[int] = (),
     ) -> None:
-        self.segments = tuple(segments)
+        self.segments, self.rests = tuple(segments), frozenset(rests)
         self.machine, self.kinematics = machine, kinematics
         self.rapid_override = rapid_override
         self._scales = override, rapid_override, adaptive, everywhere
@@ -86,6 +89,19 @@ class FeedCourse:
         self._kinds: dict[int, object] = {}
         self._ends: dict[int, Derivatives] = {}
         self.ticked: Allowed | None = None  # where all of it is exact rows
+
+    @staticmethod
+    def of_ways(
+        ways: Sequence[Sequence[Segment]], machine: Machine, kinematics: Kinematics, scales: Scales
+    ) -> FeedCourse:
+        """One course of several ways that are each from rest to rest; ``scales``: of feeds, in order."""
+        ends = itertools.accumulate(map(len, ways), initial=-1)
+        return FeedCourse([*itertools.chain(*ways)], machine, kinematics, *scales, rests=[*ends][1:-1])
+
+    def as_one(self, others: Sequence[FeedCourse]) -> FeedCourse:
+        """The same of this course and ``others`` of the same scales."""
+        ways = [one.segments for one in (self, *others)]
+        return FeedCourse.of_ways(ways, self.machine, self.kinematics, self._scales)
 
     @property
     def length(self) -> float:
@@ -206,8 +222,9 @@ class FeedCourse:
 
     @property
     def junctions(self) -> tuple[float, ...]:
-        """Speed at which each inner boundary may be passed: the jump of rates fits into one tick."""
-        return tuple(self.junction(k) for k in range(len(self.segments) - 1))
+        """Speed at which each inner boundary may be passed: what jumps fits into one tick; inf at rests."""
+        inner = range(len(self.segments) - 1)
+        return tuple(math.inf if k in self.rests else self.junction(k) for k in inner)
 
     def junction(self, k: int) -> float:
         """Speed at which the boundary between segment ``k`` and the next may be passed."""
@@ -252,14 +269,6 @@ class FeedCourse:
                 np.abs(right.first[0] - left.first[1]), np.abs(right.second[0] - left.second[1])
             )
         return self._jumps[k]
-
-
-class Rests(FeedCourse):
-    """Segments each from rest to rest: no boundary is passed in motion."""
-
-    @property
-    def junctions(self) -> tuple[float, ...]:
-        return (math.inf,) * (len(self.segments) - 1)
 
 
 def _along_thread(limits: JointLimits, move: ThreadMove, course: FeedCourse) -> JointLimits:

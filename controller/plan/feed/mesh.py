@@ -73,6 +73,11 @@ class Parts:
         ends = np.concatenate([[first], marks, [last]])
         return Parts(course, ends, course.index(0.5 * (ends[1:] + ends[:-1])))
 
+    @property
+    def rests(self) -> Index:
+        """The parts after which the motion rests, but for the last."""
+        return np.flatnonzero(np.diff(self.index) * np.isin(self.index[:-1], [*self.course.rests]))
+
     def feed(self, s: Array, part: Index) -> Array:
         """Feed at places of parts; at a mark that of the part that is named."""
         return self.course.feed(self._inside(s, part), self.index[part])
@@ -203,6 +208,8 @@ def estimate(parts: Parts, found: Samples, v: float = 0.0, a: float = 0.0) -> Ar
         if parts.index[n] != parts.index[n + 1]:
             low = parts.course.junction(int(parts.index[n]))
             most[at - 1 : at + 1] = np.minimum(most[at - 1 : at + 1], low)
+    for at in firsts[parts.rests].tolist():
+        most[at - 1 : at + 1] = 0.0
     if v > 0.0:
         most = np.maximum(most, np.interp(found.s, *braking(found, v, a), right=0.0))
     most[-1] = 0.0
@@ -286,7 +293,7 @@ def times(s: Array, v: Array) -> Array:
 
 
 def knots(
-    found: Samples, v: Array, step_s: float, most: float = math.inf, widest: float = 1.0
+    found: Samples, v: Array, step_s: Array | float, most: float = math.inf, widest: float = 1.0
 ) -> tuple[Array, Index]:
     """Knots (n + 1,) from the first sample to the last, and the part of each interval (n,).
 
@@ -295,17 +302,17 @@ def knots(
     times are longer, up to ``widest`` times: marks are knots, too, and where these are most, little is won.
     """
     ends = np.append(np.flatnonzero(np.diff(found.part)), len(found.s) - 1)
-    firsts = np.append(0, ends[:-1])
+    firsts = np.append(0, ends[:-1] + 1)
 
-    def intervals(step_s: float) -> tuple[Array, Index, int, int]:
-        """Intervals between samples, those of each part, and how many go into the first and the last."""
+    def intervals(step_s: Array | float) -> tuple[Array, Index, Index, Index]:
+        """Intervals between samples, those of each part, and how many go into its first and its last."""
         count = _count(found, v, step_s)
-        n = np.maximum(1, np.ceil(np.add.reduceat(count, firsts) - 0.2)).astype(np.intp)
-        begin = _joined_at_rest(int(n[0])) if v[0] == 0.0 else 0
-        return count, n, begin, _joined_at_rest(int(n[-1]) - (begin if len(n) == 1 else 0))
+        n = np.maximum(1, np.ceil(np.add.reduceat(count, np.append(0, ends[:-1])) - 0.2)).astype(np.intp)
+        begin = np.where(v[firsts] == 0.0, _joined_at_rest(n), 0)
+        return count, n, begin, np.where(v[ends] == 0.0, _joined_at_rest(n - begin), 0)
 
     count, per_part, begin, end = intervals(step_s)
-    if (many := 1 + int(per_part.sum()) - begin - end) > most:
+    if (many := 1 + int(per_part.sum() - begin.sum() - end.sum())) > most:
         count, per_part, begin, end = intervals(step_s * min(many / most, widest))
     places, upto = [found.s[:1]], 0
     for k in np.flatnonzero(per_part > 1).tolist():  # most parts of rows of many short ones have one interval
@@ -313,29 +320,27 @@ def knots(
         places.append(found.s[ends[upto:k]])
         so_far = np.concatenate([[0.0], np.cumsum(count[first:last])])
         made = np.interp(np.linspace(0.0, so_far[-1], n + 1), so_far, found.s[first : last + 1])
-        places.append(made[1:-1])
+        places.append(made[1 + begin[k] : n - end[k]])
         upto = k
     places.append(found.s[ends[upto:]])
-    s, parts = np.concatenate(places), np.repeat(found.part[ends], per_part)
-    away = np.append(np.arange(1, begin + 1), np.arange(len(s) - 1 - end, len(s) - 1))
-    return np.delete(s, away), parts[begin : len(parts) - end]
+    return np.concatenate(places), np.repeat(found.part[ends], per_part - begin - end)
 
 
-def _joined_at_rest(count: int) -> int:
-    """How many of the first ``count`` intervals, of one part, go into the one after them."""
-    return min(max(count - 3, 0), FROM_REST - 1)
+def _joined_at_rest(count: Index) -> Index:
+    """How many of the first ``count`` intervals of parts go into the one after them."""
+    return np.clip(count - 3, 0, FROM_REST - 1)
 
 
-def _count(found: Samples, v: Array, step_s: float) -> Array:
-    """Intervals wanted between neighbouring samples, (N - 1,)."""
-    t = times(found.s, v)
+def _count(found: Samples, v: Array, step_s: Array | float) -> Array:
+    """Intervals wanted between neighbouring samples, (N - 1,); ``step_s`` at each, or everywhere."""
+    t, step_s = times(found.s, v), np.broadcast_to(step_s, len(v))
     busy = (v < 0.999 * found.feed) | (found.allowed < HEADROOM * found.feed)
     busy[0] = busy[-1] = True
     quiet = time_away(t, busy) - 4.0 * step_s
     span = step_s + GROWTH * np.maximum(quiet, 0.0)
     matters = np.minimum(found.allowed[1:], found.allowed[:-1]) < 1.5 * HEADROOM * found.feed[1:]
     bends = np.abs(np.diff(np.log(found.allowed))) / STEP_OF_SPEED * matters
-    bends = np.minimum(bends, MAX_CLOSER * np.diff(t) / step_s)
+    bends = np.minimum(bends, MAX_CLOSER * np.diff(t) / step_s[1:])
     # Between samples the span goes over evenly from one's to the other's.
     ratio = np.log(span[1:] / span[:-1])
     mean = np.where(np.abs(ratio) > 1e-6, np.diff(span) / np.where(ratio == 0.0, 1.0, ratio), span[1:])

@@ -2,6 +2,7 @@
 
     profile = plan(course)                      from rest at its beginning to rest at its end
     plan(course, State(s, v, a), until)         from a state of motion (or rest) to rest at ``until``
+    plan_each(courses)                          of many from rest to rest
     split_at_stops(segments, ...)              where a row of segments must stop anyway
 
 A straight move with constant limits has the classic closed form, and so has one that bends by next to
@@ -114,6 +115,17 @@ class Profile:
         first = int(course.index(self.pieces[:1, 0])[0])
         return list(enumerate(split(self.times, self.pieces, course.starts, course.zeros), first))
 
+    def between_rests(self, course: FeedCourse) -> list[Profile]:
+        """Its parts between the rests of a course, each as of a course of its own."""
+        starts = course.starts[[0, *(k + 1 for k in sorted(course.rests))]]
+        rows = [*np.searchsorted(self.pieces[:, 0], starts).tolist(), len(self.pieces)]
+        found = []
+        for start, i, k in zip(starts.tolist(), rows, rows[1:], strict=False):
+            pieces = self.pieces[i:k].copy()
+            pieces[:, 0] -= start
+            found.append(Profile(self.times[i : k + 1] - self.times[i], pieces))
+        return found
+
     def until(self, t: float) -> Profile:
         """Its part before the time ``t``, not at rest in the end."""
         n = int(np.searchsorted(self.times, t, side="left"))
@@ -155,12 +167,31 @@ def plan(
         return None
     if ticked.is_row(course):
         return _of_row(course, begin, last)
-    if begin.v == 0.0 and begin.a == 0.0 and (even := _straight(course, begin.s, last)):
-        return even
-    if (law := cruise.law(course, *begin, last)) is not None:
-        return Profile(*law)
+    if (closed := _closed(course, begin, last)) is not None:
+        return closed
     found = _searched(course, begin, last, guess)
     return _after(course, guess, last) if found is None and guess is not None else found
+
+
+def plan_each(courses: Sequence[FeedCourse]) -> list[Profile | None]:
+    """``plan`` of each of them from rest to rest: what has to be searched for is one search."""
+    found = [None if ticked.is_row(one) else _closed(one, REST, one.length) for one in courses]
+    sought = [k for k, one in enumerate(courses) if found[k] is None and not ticked.is_row(one)]
+    if len(sought) > 1:
+        first, *others = (courses[k] for k in sought)
+        together = _searched(row := first.as_one(others), REST, row.length)
+        if together is not None:
+            for k, one in zip(sought, together.between_rests(row), strict=True):
+                found[k] = one
+    return [plan(one) if law is None else law for one, law in zip(courses, found, strict=True)]
+
+
+def _closed(course: FeedCourse, begin: State, last: float) -> Profile | None:
+    """What needs no search."""
+    if begin.v == 0.0 and begin.a == 0.0 and (even := _straight(course, begin.s, last)):
+        return even
+    law = cruise.law(course, *begin, last)
+    return None if law is None else Profile(*law)
 
 
 def _of_row(course: FeedCourse, begin: State, last: float) -> Profile | None:

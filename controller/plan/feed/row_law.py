@@ -126,15 +126,15 @@ class RowSearch(Search):
     def _step(self, speed: Array) -> float:
         return KNOTS_S
 
-    def _knots(self, speed: Array, step_s: float) -> tuple[Array, Index]:
+    def _knots(self, speed: Array, step_s: Array | float) -> tuple[Array, Index]:
         """Evenly in time, and closer about rests: what is allowed is rough, and no law can follow it."""
         s, more = self.samples.s, mesh.FROM_REST - 1
         t = mesh.times(s, speed)
         near = np.minimum(t if self.from_rest else np.inf, t[-1] - t) < RAMP_S
 
-        def intervals(step_s: float) -> tuple[Array, int, int]:
+        def intervals(step_s: Array | float) -> tuple[Array, int, int]:
             """Intervals up to each sample, all of them, and the knots that are left."""
-            steps = np.diff(t) / np.where(near[1:], min(step_s, CLOSE_S), step_s)
+            steps = np.diff(t) / np.where(near[1:], np.minimum(step_s, CLOSE_S), step_s)
             count = np.cumsum(np.append(0.0, steps))
             n = max(MIN_KNOTS, math.ceil(count[-1]))
             return count, n, n + 1 - more * (2 if self.from_rest else 1)

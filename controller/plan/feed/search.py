@@ -33,7 +33,7 @@ FAR = 0.1  # of the intervals: if an estimate exceeds limits in more, the search
 FEW, BESIDE = 0.35, 5.0
 TIGHTEN_POWER = 1.3
 PER_SWING = 12.0  # knots in the time that an axis needs to swing its acceleration up
-MIN_KNOTS, MAX_KNOTS = 60, 4000
+MIN_KNOTS, MAX_KNOTS = 60, 4000  # between two rests
 WIDEST = 3.0  # times as far apart at most, to be no more
 MORE_KNOTS = 240  # the least where they are no closer than ...
 CLOSE_S = 5e-3  # ... that: the dips of a machine with little jerk are short beside its swings
@@ -108,17 +108,21 @@ class Search:
         self.from_rest = v == 0.0
 
     def law(self) -> Law | None:
-        """None where the state of motion cannot be continued; from rest there is always a law."""
+        """None where the state of motion cannot be continued; from rest there is always a law.
+
+        But for ways that rest between them: None where they are not to be sought as one.
+        """
         speed = mesh.estimate(self.parts, self.samples, self.v, self.a)
         step_s = COARSE * self._step(speed)
         estimated, knots = speed, self._knots(speed, step_s)
-        smooth = mesh.smoothed(self.samples, speed, self.a, SMOOTHING * step_s)
+        smooth = mesh.smoothed(self.samples, speed, self.a, SMOOTHING * float(np.min(step_s)))
         speed = np.minimum(smooth, speed) if self.from_rest else smooth
-        bounds = self._bounds_at(*knots, estimated) if len(knots[0]) <= MAX_KNOTS else None
+        bounds = self._bounds_at(*knots, estimated) if len(knots[0]) <= self._most else None
         found = self._of_row(speed) if bounds is None else self._sought(bounds, speed)
         if found is None and self._has_start:
             found = self._sought(bounds or self._bounds_at(*knots, estimated), speed, slowly=True)
-        return self._careful() if found is None and self.from_rest else found
+        careful = found is None and self.from_rest and not self.course.rests
+        return self._careful() if careful else found
 
     def _sought(self, bounds: Bounds, speed: Array, slowly: bool = False) -> Law | None:
         """``slowly``: from a law inside all limits, which takes more steps and cannot fail to lead on."""
@@ -215,12 +219,16 @@ class Search:
             best = looked if best is None or helped else best
             if looked.over <= 1.0:
                 break
-            _tighten(shares, looked.excess)
+            again = bounds.grid.of_ways(looked.excess.exceeds(FINE))
+            _tighten(shares, looked.excess, again)
             few = few and helped
-            near = looked.near(reach_s)[bounds.grid.own] if helped else np.ones_like(near)
+            near = (looked.near(reach_s) & again if helped else again)[bounds.grid.own]
+            rests = bounds.grid.spline_rests  # what is near one of its sides is near both
+            near[rests - 1] = near[rests] = near[rests - 2] | near[rests + 1]
         if best is None or best.excess.over(LAST) <= 1.0:
             return None if best is None else best.law
-        return _slowed(best.law, best.excess.slowing) if self.from_rest else None
+        slower = self.from_rest and not self.course.rests  # one way should not slow down all
+        return _slowed(best.law, best.excess.slowing) if slower else None
 
     def _looked(self, bounds: Bounds, c: Array) -> Looked:
         law = self._law(bounds, c)
@@ -236,26 +244,33 @@ class Search:
                 share[near] *= more
         return shares
 
-    def _step(self, speed: Array) -> float:
-        """Time between knots."""
-        duration = float(mesh.times(self.samples.s, speed)[-1])
-        least = min(max(duration / MORE_KNOTS, CLOSE_S), duration / MIN_KNOTS)
-        return min(max(self._swing_s / PER_SWING, mesh.FINEST_S), least)
+    def _step(self, speed: Array) -> Array | float:
+        """Time between knots at each sample: it depends on how long the whole way between two rests takes."""
+        way = np.searchsorted(self.parts.rests, self.samples.part)
+        ends = np.append(np.flatnonzero(np.diff(way)), len(way) - 1)
+        duration = np.diff(mesh.times(self.samples.s, speed)[ends], prepend=0.0)
+        least = np.minimum(np.maximum(duration / MORE_KNOTS, CLOSE_S), duration / MIN_KNOTS)
+        return np.asarray(np.minimum(max(self._swing_s / PER_SWING, mesh.FINEST_S), least)[way])
 
     @cached_property
     def _swing_s(self) -> float:
         """The time that the quickest swing of an acceleration to its limit takes."""
         return float((self.samples.acceleration / self.samples.jerk).min())
 
-    def _bounds(self, speed: Array, step_s: float) -> Bounds:
+    @property
+    def _most(self) -> int:
+        """Knots, of all ways between rests."""
+        return MAX_KNOTS * (1 + len(self.course.rests))
+
+    def _bounds(self, speed: Array, step_s: Array | float) -> Bounds:
         return self._bounds_at(*self._knots(speed, step_s), speed)
 
     def _bounds_at(self, s: Array, part: Index, speed: Array) -> Bounds:
         about = np.interp(s, self.samples.s, speed)
         return Bounds(Grid.of(self.parts, s, part, self.from_rest), about)
 
-    def _knots(self, speed: Array, step_s: float) -> tuple[Array, Index]:
-        return mesh.knots(self.samples, speed, step_s, MAX_KNOTS, WIDEST)
+    def _knots(self, speed: Array, step_s: Array | float) -> tuple[Array, Index]:
+        return mesh.knots(self.samples, speed, step_s, self._most, WIDEST)
 
     def _coefficients(self, bounds: Bounds, speed: Array) -> Array:
         """Coefficients of about ``speed`` at the samples."""
@@ -274,11 +289,13 @@ class Search:
         z = f.z_start.of(c)[i] + x * (f.slope_start.of(c)[i] + x * 0.5 * f.bend.of(c)[i])
         found = np.sqrt(np.maximum(z, 0.0))
         _, v, _ = self._states(bounds, c)
-        if self.from_rest:
-            near = at < s[1]
-            found[near] = v[1] * ((at[near] - s[0]) / (s[1] - s[0])) ** (2 / 3)
-        near = at > s[-2]
-        found[near] = v[-2] * ((s[-1] - at[near]) / (s[-1] - s[-2])) ** (2 / 3)
+        inner = bounds.grid.rests.tolist()
+        for k in ([0] if self.from_rest else []) + inner:
+            near = (at >= s[k]) & (at < s[k + 1])
+            found[near] = v[k + 1] * ((at[near] - s[k]) / (s[k + 1] - s[k])) ** (2 / 3)
+        for k in (*inner, len(s) - 1):
+            near = (at > s[k - 1]) & (at <= s[k])
+            found[near] = v[k - 1] * ((s[k] - at[near]) / (s[k] - s[k - 1])) ** (2 / 3)
         return found
 
     # --- the law
@@ -288,6 +305,9 @@ class Search:
         f, s = bounds.spline, bounds.grid.s
         z = np.append(f.z_start.of(c), f.z_end.of(c)[-1])
         slope = np.append(f.slope_start.of(c), f.slope_end.of(c)[-1])
+        rests = bounds.grid.spline_rests
+        z[rests - 1], slope[rests - 1] = (f.of(c)[rests - 2] for f in (f.z_end, f.slope_end))
+        z[rests] = slope[rests] = 0.0
         v, a = np.sqrt(z), 0.5 * slope
         if self.from_rest:
             v, a = np.append(0.0, v), np.append(0.0, a)
@@ -411,10 +431,14 @@ def _at_place(times: Array, pieces: Array, s: Array, share: float) -> tuple[Arra
     return row[1] + t * (2 * row[2] + t * 3 * row[3]), 2 * row[2] + t * 6 * row[3], 6 * row[3]
 
 
-def _tighten(shares: Shares, excess: Excess) -> None:
-    """Limits lowered where they were exceeded, and a little at the neighbours, to which it would move."""
+def _tighten(shares: Shares, excess: Excess, here: Flags | None = None) -> None:
+    """Limits lowered where they were exceeded, and a little at the neighbours, to which it would move.
+
+    ``here`` (n,): in no other intervals.
+    """
 
     def less(over: Array) -> Array:
+        over = over if here is None else (over.T * here).T
         wide = np.maximum(over, 1.0)
         wide[1:] = np.maximum(wide[1:], over[:-1] ** 0.3)
         wide[:-1] = np.maximum(wide[:-1], over[1:] ** 0.3)

@@ -14,13 +14,13 @@ import numpy.typing as npt
 from controller.geometry.arrays import Array
 from controller.geometry.curves import Arc
 from controller.geometry.vectors import Vector, norm
-from controller.machine.kinematics import Kinematics
-from controller.machine.model import Joints, Machine
+from controller.machine.model import Joints
 from controller.motion.motions import JointMove
+from controller.plan.context import Context
 from controller.plan.lines import lines, moves
 from controller.plan.lines.lines import Stand
 from controller.plan.rotaries.tool_axes import AxisLost, GreatCircles, follow
-from controller.plan.segment import Diagnostics, joints_of, rotaries_of, xyz_of
+from controller.plan.segment import joints_of, rotaries_of, xyz_of
 from controller.program.program import JointArc, JointLine, Modal, Tip, TipLine
 
 Index = npt.NDArray[np.intp]
@@ -45,11 +45,9 @@ class Corners:
 class CornerMaker:
     """Makes the corners of lines that share one modal state; ``axis_rad`` is the axis' tolerance."""
 
-    def __init__(
-        self, modal: Modal, axis_rad: float, machine: Machine, kinematics: Kinematics, voice: Diagnostics
-    ) -> None:
+    def __init__(self, modal: Modal, axis_rad: float, context: Context) -> None:
         self._modal, self._axis_rad = modal, axis_rad
-        self._machine, self._kinematics, self._voice = machine, kinematics, voice
+        self._context = context
 
     def of(self, blocks: list[Feed], stand: Stand) -> tuple[Corners, Stand]:
         """Corners of lines that begin at ``stand``, and where they end."""
@@ -58,7 +56,7 @@ class CornerMaker:
         return self._tip_corners([b for b in blocks if isinstance(b, TipLine)], stand)
 
     def _tip_corners(self, blocks: list[TipLine], stand: Stand) -> tuple[Corners, Stand]:
-        part = self._modal.frame(self._machine)
+        part = self._modal.frame(self._context.machine)
         here = part.from_parent(stand.tip)
         tips = [here]
         for block in blocks:
@@ -82,10 +80,13 @@ class CornerMaker:
         vectors = np.concatenate(([stand.axis], vectors))[np.concatenate(([0], held))]
         try:
             found = follow(
-                GreatCircles.of(vectors), stand.rotaries, self._kinematics, CIRCLE_SHARE * self._axis_rad
+                GreatCircles.of(vectors),
+                stand.rotaries,
+                self._context.kinematics,
+                CIRCLE_SHARE * self._axis_rad,
             )
         except AxisLost as lost:
-            lines.refuse_lost(lost, blocks[lost.line].place, self._voice)
+            lines.refuse_lost(lost, blocks[lost.line].place, self._context)
         values = np.hstack([_between(tips, found.line, found.share), found.rotaries])
         end = (float(values[-1, 3]), float(values[-1, 4]))
         axis = (float(vectors[-1, 0]), float(vectors[-1, 1]), float(vectors[-1, 2]))
@@ -100,8 +101,8 @@ class CornerMaker:
         turned = np.array(rotaries)
         zero = np.zeros(len(turned))
         values = (zero, zero, zero, turned[:, 0], turned[:, 1])
-        axes = self._kinematics.forward(self._kinematics.arrange(values), 0.0, np).axis
-        sine = zero + self._kinematics.off_pole(axes, np)
+        axes = self._context.kinematics.forward(self._context.kinematics.arrange(values), 0.0, np).axis
+        sine = zero + self._context.kinematics.off_pole(axes, np)
         line = np.arange(len(blocks))
         found = Corners(
             np.concatenate((line, line[-1:])),
@@ -109,21 +110,21 @@ class CornerMaker:
             np.hstack([tips, turned]),
             sine,
         )
-        ends = self.standing(tips[-1], now, lines.axis_of(now, self._kinematics))
+        ends = self.standing(tips[-1], now, lines.axis_of(now, self._context.kinematics))
         return self._with_circles(found), ends
 
     def standing(self, tip: Array, rotaries: tuple[float, float], axis: Vector) -> Stand:
         place = (float(tip[0]), float(tip[1]), float(tip[2]))
-        xyz = self._kinematics.linear(place, rotaries, self._modal.length_mm)
-        joints = joints_of(xyz, rotaries, self._kinematics)
+        xyz = self._context.kinematics.linear(place, rotaries, self._modal.length_mm)
+        joints = joints_of(xyz, rotaries, self._context.kinematics)
         return Stand(joints, place, axis, rotaries, self._modal.length_mm)
 
     def _with_circles(self, found: Corners) -> Corners:
         """More corners on lines whose great circle leaves evenly turning rotaries."""
-        if self._machine.tool_lines != lines.GREAT:
+        if self._context.machine.tool_lines != lines.GREAT:
             return found
         turned = np.abs(np.diff(found.values[:, 3:], axis=0))
-        work = self._kinematics.work
+        work = self._context.kinematics.work
         tilt, spin = turned[:, 1 - work], turned[:, work]
         sine = np.maximum(found.sine[:-1], found.sine[1:])
         off = (tilt * tilt + 2.0 * tilt * spin + sine * spin * spin) / 8.0
@@ -141,11 +142,11 @@ class CornerMaker:
 
     def _great(self, found: Corners, i: int) -> list[Corners]:
         """Inner corners of one line on the great circle; none where that does not lead to its end."""
-        (a, b), kinematics = found.values[i : i + 2], self._kinematics
+        (a, b), kinematics = found.values[i : i + 2], self._context.kinematics
         first, last = (float(a[3]), float(a[4])), (float(b[3]), float(b[4]))
         stand = self.standing(a[:3], first, lines.axis_of(first, kinematics))
         axis = lines.axis_of(last, kinematics)
-        circles = lines.great_circle(stand, axis, last, self._machine, kinematics)
+        circles = lines.great_circle(stand, axis, last, self._context)
         if circles is None:
             return []
         way = follow(circles, first, kinematics, CIRCLE_SHARE * self._axis_rad)
@@ -171,15 +172,15 @@ class CornerMaker:
         found = Corners(
             np.array([*line, len(blocks) - 1]), np.array([*share, 1.0]), values, np.ones(len(values))
         )
-        return found, Stand.at(now, self._modal.length_mm, self._kinematics)
+        return found, Stand.at(now, self._modal.length_mm, self._context.kinematics)
 
     def _joint_way(self, block: JointLine | JointArc, now: Joints) -> tuple[Joints, list[Row]]:
         """Where a block ends, and its corners on the way there: an arc is cut into chords."""
         if isinstance(block, JointLine):
-            return moves.target(block, self._machine, self._kinematics, now), []
-        bow = moves.arc(block, self._machine, self._kinematics, now, self._voice)
+            return moves.target(block, self._context, now), []
+        bow = moves.arc(block, self._context, now)
         if bow is None or not isinstance(bow.motion, JointMove) or not isinstance(bow.motion.curve, Arc):
-            return moves.target(block, self._machine, self._kinematics, now), []
+            return moves.target(block, self._context, now), []
         arc, first, last = (
             bow.motion.curve,
             *(np.array(r) for r in (bow.motion.start_rotaries, bow.motion.end_rotaries)),
@@ -192,7 +193,7 @@ class CornerMaker:
         return bow.end, [tuple(row) for row in np.hstack([xyz, first + u[:, None] * (last - first)]).tolist()]
 
     def _row(self, joints: Joints) -> Row:
-        return (*xyz_of(joints, self._kinematics), *rotaries_of(joints, self._kinematics))
+        return (*xyz_of(joints, self._context.kinematics), *rotaries_of(joints, self._context.kinematics))
 
 
 def _between(tips: Array, line: Index, share: Array) -> Array:

@@ -19,18 +19,19 @@ import numpy.typing as npt
 
 from controller.geometry.arrays import Array, Flags, columns
 from controller.geometry.vectors import ROUNDING
-from controller.machine.kinematics import Kinematics
-from controller.machine.model import Machine
 from controller.motion.motions import DEG_PER_MM, Rotaries
 from controller.plan import junctions
+from controller.plan.context import Context
 from controller.plan.lines import lines, rows
+from controller.plan.lines.corners import Feed
 from controller.plan.lines.lines import Stand
 from controller.plan.lines.row_motions import Begun, RowMotions, feed_of
+from controller.plan.lines.rows import Part
 from controller.plan.rotaries import tool_paths
 from controller.plan.rotaries.tool_axes import AxisLost, GreatCircles, follow
 from controller.plan.rotaries.tool_paths import LITTLE_RAD, WITHIN_REACH
 from controller.plan.rotaries.turns import SAME_ROTARY_RAD
-from controller.plan.segment import STANDS_MM, ContinuousPath, Diagnostics, Segment, joints_of
+from controller.plan.segment import STANDS_MM, ContinuousPath, Segment, joints_of
 from controller.plan.surfaces.rates import Derivatives, limits
 from controller.program.program import Block, ProgramError, Tip, TipLine
 
@@ -43,13 +44,6 @@ SHORT_MM = 0.12  # of s, median length of the lines of a row
 SPANS = 128  # lines of one motion at most
 SAMPLES = 2  # of each line for the audit of travel
 OFF_RAD = 1e-9  # a cubic may leave a great circle's rotaries, in the middle of a line
-
-
-class Laid(NamedTuple):
-    """A part of a row, and where it ends."""
-
-    chains: list[ContinuousPath]
-    stand: Stand
 
 
 class _Ways(NamedTuple):
@@ -66,11 +60,13 @@ class _Ways(NamedTuple):
 class ExactLines:
     """Collects lines; ``parts`` tells which of them are rows."""
 
-    def __init__(self, machine: Machine, kinematics: Kinematics, voice: Diagnostics) -> None:
-        self._machine, self._kinematics = machine, kinematics
-        self._motions = RowMotions(machine, kinematics, voice)
-        self._velocity, self._acceleration, self._jerk = (junctions.MARGIN * limits(machine)).T
-        self._tool_limits = machine.tip_acceleration_mm_s2 is not None or machine.axis_speed_rad_s is not None
+    def __init__(self, context: Context) -> None:
+        self._context = context
+        self._motions = RowMotions(context)
+        self._velocity, self._acceleration, self._jerk = (junctions.MARGIN * limits(context.machine)).T
+        self._tool_limits = (
+            context.machine.tip_acceleration_mm_s2 is not None or context.machine.axis_speed_rad_s is not None
+        )
         self.forget()
 
     def forget(self) -> None:
@@ -89,11 +85,12 @@ class ExactLines:
             and block.feed_mm_s is not None
             and block.probe is None
             and not self._tool_limits
+            and not rows.blends(block)
         )
 
-    def goes_with(self, block: TipLine) -> bool:
+    def goes_with(self, block: Feed) -> bool:
         """Whether it may stand in one row with those that wait."""
-        return not self._blocks or rows.alike(block.modal, self._blocks[0].modal)
+        return rows.alike(block.modal, self._blocks[0].modal)
 
     def add(self, block: TipLine) -> bool:
         """Whether it is time to look at them."""
@@ -105,7 +102,7 @@ class ExactLines:
         """Of their tool."""
         return self._blocks[0].modal.length_mm
 
-    def parts(self, standing: Callable[[], Stand], final: bool) -> Iterator[Laid | list[TipLine]]:
+    def parts(self, standing: Callable[[], Stand], final: bool) -> Iterator[Part]:
         """Rows, and lines that are no row, in order; ``standing``: where the path has come to by then.
 
         Not ``final``: the last lines wait for those behind them.
@@ -123,24 +120,24 @@ class ExactLines:
             if last - first < MIN_LINES and not goes_on:
                 last = first if waits else last
                 if alone := blocks[:last]:
-                    yield alone
+                    yield Part(alone)
             else:
                 if first:
-                    yield blocks[:first]
+                    yield Part(blocks[:first])
                 try:
                     chains, goes_on = self._chains(blocks, ways, first, last, waits)
                 except ProgramError:  # each alone: what is before the one that is refused is sound
                     goes_on = False
-                    yield blocks[first:last]
+                    yield Part(blocks[first:last])
                 else:
-                    yield Laid(chains, self._stand(ways, last, stand.length_mm))
+                    yield Part((), laid=(chains, self._stand(ways, last, stand.length_mm)))
             blocks = blocks[last:]
         self._blocks, self._goes_on, self._look = blocks, goes_on, look
 
     # ---- geometry ----------------------------------------------------------------------
 
     def _ways(self, blocks: list[TipLine], stand: Stand) -> _Ways:
-        part = blocks[0].modal.frame(self._machine)
+        part = blocks[0].modal.frame(self._context.machine)
         here, programmed = part.from_parent(stand.tip), []
         for block in blocks:
             here = lines.tip_of(block, here)
@@ -154,11 +151,11 @@ class ExactLines:
             turned.append(lines.rotaries_to(block, turned[-1]))
         rotaries = np.array(turned)
         none = np.zeros(len(turned))
-        joints = self._kinematics.arrange((none, none, none, rotaries[:, 0], rotaries[:, 1]))
-        axes = columns(self._kinematics.forward(joints, 0.0, np).axis, len(turned))
+        joints = self._context.kinematics.arrange((none, none, none, rotaries[:, 0], rotaries[:, 1]))
+        axes = columns(self._context.kinematics.forward(joints, 0.0, np).axis, len(turned))
         axes[0] = stand.axis
         even = (axes[:-1] * axes[1:]).sum(axis=1) > 1.0 - lines.SAME_AXIS
-        if self._machine.tool_lines != lines.GREAT:
+        if self._context.machine.tool_lines != lines.GREAT:
             even[:] = True
         return self._with_cubics(tips, axes, rotaries, even, np.ones(len(blocks), dtype=bool))
 
@@ -170,7 +167,7 @@ class ExactLines:
         rotaries, fit, known = np.tile(np.array(stand.rotaries), (n + 1, 1)), np.zeros(n, dtype=bool), n
         while known:
             try:
-                found = follow(GreatCircles.of(axes[: known + 1]), stand.rotaries, self._kinematics)
+                found = follow(GreatCircles.of(axes[: known + 1]), stand.rotaries, self._context.kinematics)
             except AxisLost as lost:
                 known = lost.line
                 continue
@@ -196,10 +193,10 @@ class ExactLines:
             turned[great] = np.maximum(turned[great], circles.angle)
             fit[great] &= circles.angle <= LITTLE_RAD
             for k, shown in ((0, rotaries[:-1]), (1, rotaries[1:])):
-                shares = (circles, float(k), shown[great], self._kinematics)
+                shares = (circles, float(k), shown[great], self._context.kinematics)
                 rates[k, great] = tool_paths.rates_of_circles(*shares)
             middle = 0.5 * (rotaries[:-1] + rotaries[1:])[great]
-            off = tool_paths.rotaries_on_circles(circles, 0.5, middle, self._kinematics) - middle
+            off = tool_paths.rotaries_on_circles(circles, 0.5, middle, self._context.kinematics) - middle
             off -= (rates[0] - rates[1])[great] / 8.0
             fit[great] &= np.abs(off).max(axis=1) <= OFF_RAD
         size = np.maximum(length, np.degrees(turned) / DEG_PER_MM)
@@ -215,7 +212,7 @@ class ExactLines:
 
     def _clear(self, axes: Array) -> Flags:
         """Lines (n,) between ``axes`` (n + 1, 3) on which no branch is in doubt if they turn little."""
-        kinematics = self._kinematics
+        kinematics = self._context.kinematics
         clear = np.array([kinematics.is_clear_of_pole(lines.vector(axis)) for axis in axes])
         if kinematics.is_bounded:
             x, y, z = axes.T
@@ -225,8 +222,8 @@ class ExactLines:
     def _stand(self, ways: _Ways, k: int, length_mm: float) -> Stand:
         tip, axis = lines.vector(ways.tips[k]), lines.vector(ways.axes[k])
         rotaries: Rotaries = (float(ways.rotaries[k, 0]), float(ways.rotaries[k, 1]))
-        xyz = self._kinematics.linear(tip, rotaries, length_mm)
-        return Stand(joints_of(xyz, rotaries, self._kinematics), tip, axis, rotaries, length_mm)
+        xyz = self._context.kinematics.linear(tip, rotaries, length_mm)
+        return Stand(joints_of(xyz, rotaries, self._context.kinematics), tip, axis, rotaries, length_mm)
 
     # ---- chains ------------------------------------------------------------------------
 
@@ -272,11 +269,10 @@ class ExactLines:
     def _stops(self, blocks: list[TipLine], ways: _Ways, of: npt.NDArray[np.intp]) -> Flags:
         """Of each corner between the lines ``of``: whether it is no faster to pass it than to stop."""
         size, cubics = ways.size[of], ways.cubics[of]
-        length_mm, period_s = blocks[0].modal.length_mm, self._machine.period_s
+        machine, kinematics = self._context.machine, self._context.kinematics
+        length_mm, period_s = blocks[0].modal.length_mm, machine.period_s
         begin, end = (
-            Derivatives(
-                *tool_paths.derivatives_of_spans(cubics, h[:, None], True, length_mm, self._kinematics)
-            )
+            Derivatives(*tool_paths.derivatives_of_spans(cubics, h[:, None], True, length_mm, kinematics))
             for h in (np.zeros(len(of)), size)
         )
         way = ways.cubics[of, :3, 1]
@@ -300,7 +296,7 @@ class ExactLines:
             )
             least = np.minimum(least, junctions.least(rates, self._jerk, period_s))
         found = speed < np.maximum(junctions.STOP_SHARE * unhindered, least)
-        return np.asarray(found | ~lines.slight(jump, np.minimum(feed[1:], feed[:-1]), self._machine))
+        return np.asarray(found | ~lines.slight(jump, np.minimum(feed[1:], feed[:-1]), self._context.machine))
 
 
 def _first_run(ways: _Ways, goes_on: bool) -> tuple[int, int]:

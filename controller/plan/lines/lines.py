@@ -20,11 +20,13 @@ from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine
 from controller.messages import Key, message
 from controller.motion.motions import DEG_PER_MM, Rotaries, ToolLine
+from controller.plan.context import Context
 from controller.plan.junctions import JUMP_SHARE, STOP_SHARE
+from controller.plan.lines import moves
 from controller.plan.rotaries.tool_axes import AxisLost, Followed, GreatCircles, follow
 from controller.plan.rotaries.tool_paths import LITTLE_RAD
 from controller.plan.rotaries.turns import SAME_ROTARY_RAD
-from controller.plan.segment import STANDS_MM, Diagnostics, Segment, joints_of, rotaries_of, straight
+from controller.plan.segment import STANDS_MM, Segment, joints_of, rotaries_of, straight
 from controller.program.block_look_ahead import AHEAD_LINES
 from controller.program.program import Place, TipLine
 
@@ -67,50 +69,48 @@ def rotaries_to(block: TipLine, now: Rotaries) -> Rotaries:
     return first if a is None else a, second if b is None else b
 
 
-def exact(
-    block: TipLine, stand: Stand, machine: Machine, kinematics: Kinematics, voice: Diagnostics
-) -> tuple[list[Segment], Stand]:
+def exact(block: TipLine, stand: Stand, context: Context) -> tuple[list[Segment], Stand]:
     """The exact segments of a G1, a swivel at the pole before it if it needs one, and where it ends."""
-    part = block.modal.frame(machine)
+    part = block.modal.frame(context.machine)
     tip = part.to_parent(tip_of(block, part.from_parent(stand.tip)))
     if block.axis is None:
         rotaries = rotaries_to(block, stand.rotaries)
-        return _to_rotaries(block, stand, tip, rotaries, machine, kinematics)
+        return _to_rotaries(block, stand, tip, rotaries, context)
     axis = part.turn(unit(block.axis))
     try:
         circles = circle(stand.axis, axis)
-        found = follow(circles, stand.rotaries, kinematics)
+        found = follow(circles, stand.rotaries, context.kinematics)
     except AxisLost as lost:
-        refuse_lost(lost, block.place, voice)
+        refuse_lost(lost, block.place, context)
     begin, end = _pair(found.rotaries[0]), _pair(found.rotaries[-1])
     segments = []
-    swivel = turn(block, stand, begin, kinematics)
+    swivel = turn(block, stand, begin, context.kinematics)
     if swivel is not None:
         segments.append(swivel)
         stand = Stand(swivel.end, stand.tip, stand.axis, begin, stand.length_mm)
     line = great_line(stand, tip, circles, end)
     if line is not None:
-        segments.append(segment_of(block, line, stand.joints, kinematics))
+        segments.append(segment_of(block, line, stand.joints, context.kinematics))
         stand = Stand(segments[-1].end, tip, axis, end, stand.length_mm)
     return segments, stand
 
 
-def refuse_lost(lost: AxisLost, place: Place, voice: Diagnostics) -> NoReturn:
-    voice.refuse(place, message("reach.on_line", reason=Key(lost.reason)))
+def refuse_lost(lost: AxisLost, place: Place, context: Context) -> NoReturn:
+    context.refuse(place, message("reach.on_line", reason=Key(lost.reason)))
 
 
 def _to_rotaries(
-    block: TipLine, stand: Stand, tip: Vector, rotaries: Rotaries, machine: Machine, kinematics: Kinematics
+    block: TipLine, stand: Stand, tip: Vector, rotaries: Rotaries, context: Context
 ) -> tuple[list[Segment], Stand]:
-    axis = axis_of(rotaries, kinematics)
-    circles = great_circle(stand, axis, rotaries, machine, kinematics)
+    axis = axis_of(rotaries, context.kinematics)
+    circles = great_circle(stand, axis, rotaries, context)
     if circles is None:
         line = even_line(stand.tip, tip, stand.rotaries, rotaries, stand.length_mm)
     else:
         line = great_line(stand, tip, circles, rotaries)
     if line is None:
         return [], stand
-    segment = segment_of(block, line, stand.joints, kinematics)
+    segment = segment_of(block, line, stand.joints, context.kinematics)
     return [segment], Stand(segment.end, tip, axis, rotaries, stand.length_mm)
 
 
@@ -123,20 +123,18 @@ def circle(a: Vector, b: Vector) -> GreatCircles:
     return GreatCircles.of(np.array([a, b]))
 
 
-def great_circle(
-    stand: Stand, axis: Vector, rotaries: Rotaries, machine: Machine, kinematics: Kinematics
-) -> GreatCircles | None:
+def great_circle(stand: Stand, axis: Vector, rotaries: Rotaries, context: Context) -> GreatCircles | None:
     """The great circle to ``axis`` if it leads to just these rotaries; None: they turn evenly.
 
     It does not where a program turns a rotary the long way round, by whole turns, or at the pole.
     """
-    if machine.tool_lines != GREAT or dot(stand.axis, axis) > 1.0 - SAME_AXIS:
+    if context.machine.tool_lines != GREAT or dot(stand.axis, axis) > 1.0 - SAME_AXIS:
         return None
     try:
         circles = circle(stand.axis, axis)
-        if _leads_there(stand, axis, rotaries, kinematics):
+        if _leads_there(stand, axis, rotaries, context.kinematics):
             return circles
-        found = follow(circles, stand.rotaries, kinematics)
+        found = follow(circles, stand.rotaries, context.kinematics)
     except AxisLost:
         return None
     ends = np.abs(found.rotaries[[0, -1]] - np.array([stand.rotaries, rotaries])).max()
@@ -210,29 +208,23 @@ def segment_of(
 
 
 def rapid(
-    block: TipLine,
-    stand: Stand,
-    following: Sequence[TipLine],
-    wanted: Rotaries | None,
-    machine: Machine,
-    kinematics: Kinematics,
-    voice: Diagnostics,
+    block: TipLine, stand: Stand, following: Sequence[TipLine], wanted: Rotaries | None, context: Context
 ) -> tuple[Segment | None, Stand]:
     """G0: the joints go straight to where the tip and axis are wanted.
 
     Under G43.5 the branch and turns are chosen here: ``wanted``, or the least rotary travel
     of the move with the lines ``following`` it, inside the travel of all joints.
     """
-    part = block.modal.frame(machine)
+    part = block.modal.frame(context.machine)
     tip = part.to_parent(tip_of(block, part.from_parent(stand.tip)))
     if block.axis is None:
         rotaries = rotaries_to(block, stand.rotaries)
-        axis = axis_of(rotaries, kinematics)
+        axis = axis_of(rotaries, context.kinematics)
     else:
         axis = part.turn(unit(block.axis))
-        rotaries = _chosen(block, stand, tip, axis, following, wanted, machine, kinematics, voice)
-    end = joints_of(kinematics.linear(tip, rotaries, stand.length_mm), rotaries, kinematics)
-    segment = straight("line", block.place, stand.joints, end, None, kinematics)
+        rotaries = _chosen(block, stand, tip, axis, following, wanted, context)
+    end = joints_of(context.kinematics.linear(tip, rotaries, stand.length_mm), rotaries, context.kinematics)
+    segment = straight("line", block.place, stand.joints, end, None, context.kinematics)
     return segment, Stand(end, tip, axis, rotaries, stand.length_mm)
 
 
@@ -243,20 +235,18 @@ def _chosen(
     axis: Vector,
     following: Sequence[TipLine],
     wanted: Rotaries | None,
-    machine: Machine,
-    kinematics: Kinematics,
-    voice: Diagnostics,
+    context: Context,
 ) -> Rotaries:
     if wanted is not None:
         return wanted
-    tips, axes = _row_ahead(block, tip, axis, following, machine)
-    ways = _ways(axes, stand.rotaries, kinematics)
+    tips, axes = _row_ahead(block, tip, axis, following, context.machine)
+    ways = _ways(axes, stand.rotaries, context.kinematics)
     if not ways:
-        voice.refuse(block.place, message("reach.tilt", reason=Key(kinematics.unreached)))
-    ways = [shifted for way in ways for shifted in _in_turns(way, stand.rotaries, machine)]
+        context.refuse(block.place, message("reach.tilt", reason=Key(context.kinematics.unreached)))
+    ways = [shifted for way in ways for shifted in _in_turns(way, stand.rotaries, context.machine)]
     ways.sort(key=lambda way: _travel(way, stand.rotaries))
     for way in ways:
-        if _inside(way, tips, stand.length_mm, machine, kinematics):
+        if _inside(way, tips, stand.length_mm, context):
             return _pair(way.rotaries[0])
     return _pair(ways[0].rotaries[0])  # the audit of what comes says what is outside
 
@@ -322,15 +312,15 @@ def _travel(way: Followed, near: Rotaries) -> tuple[float, float]:
     )
 
 
-def _inside(way: Followed, tips: Array, length_mm: float, machine: Machine, kinematics: Kinematics) -> bool:
+def _inside(way: Followed, tips: Array, length_mm: float, context: Context) -> bool:
     tip = tips[way.line] + way.share[:, None] * (tips[way.line + 1] - tips[way.line])
     a, b = way.rotaries.T
-    xyz = kinematics.linear((tip[:, 0], tip[:, 1], tip[:, 2]), (a, b), length_mm, np)
+    xyz = context.kinematics.linear((tip[:, 0], tip[:, 1], tip[:, 2]), (a, b), length_mm, np)
     values = (*xyz, a, b)
-    joints = np.stack(kinematics.arrange(values), axis=1)
+    joints = np.stack(context.kinematics.arrange(values), axis=1)
     return all(
         axis.travel_min - ROUNDING <= q.min() and q.max() <= axis.travel_max + ROUNDING
-        for axis, q in zip(machine.axes, joints.T, strict=True)
+        for axis, q in zip(context.machine.axes, joints.T, strict=True)
     )
 
 
@@ -353,16 +343,18 @@ def vectors(blocks: Sequence[TipLine], frame: Array) -> Array:
 END_SHARE = 1e-4  # share of a line over which its rates at an end are measured
 
 
-def runs_through(before: Segment, after: Segment, machine: Machine, kinematics: Kinematics) -> bool:
-    """Whether two exact tool lines need no stop between them: their rates jump by little in one tick."""
+def runs_through(before: Segment, after: Segment, context: Context) -> bool:
+    """Whether two exact motions need no stop between them: rates of tool lines may jump a little a tick."""
+    if moves.runs_through(before, after):
+        return True
     if not isinstance(before.motion, ToolLine) or not isinstance(after.motion, ToolLine):
         return False
     if before.feed_mm_s is None or after.feed_mm_s is None:
         return False
-    rates = [_rates(s, at_end, kinematics) for s, at_end in ((before, True), (after, False))]
+    rates = [_rates(s, at_end, context.kinematics) for s, at_end in ((before, True), (after, False))]
     speeds = [s.feed_mm_s / s.motion.tip_rate for s in (before, after)]  # type: ignore[union-attr,operator]
     jump = np.abs(np.subtract(rates[1], rates[0]))[None]
-    return bool(slight(jump, np.array([min(speeds)]), machine)[0])
+    return bool(slight(jump, np.array([min(speeds)]), context.machine)[0])
 
 
 def slight(jump: Array, speed: Array, machine: Machine) -> npt.NDArray[np.bool_]:

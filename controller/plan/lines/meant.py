@@ -9,20 +9,22 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Callable
 from typing import NamedTuple, TypeGuard
 
 import numpy as np
 
 from controller.geometry.arrays import Array, Flags, columns
 from controller.geometry.vectors import Vector
-from controller.machine.kinematics import Kinematics
-from controller.machine.model import Joints, Machine
+from controller.machine.model import Joints
 from controller.motion.motions import Rotaries
+from controller.plan.context import Context
 from controller.plan.lines import lines, moves, rows
 from controller.plan.lines.corners import Feed
 from controller.plan.lines.lines import Stand
+from controller.plan.lines.rows import Part
 from controller.plan.segment import STANDS_MM, rotaries_of, xyz_of
-from controller.program.program import Block, JointLine, Modal, Tip, TipLine
+from controller.program.program import Block, JointLine, Tip, TipLine
 
 Line = JointLine | TipLine
 
@@ -31,14 +33,6 @@ FIRST_LOOK, MAX_LOOK = (
     16,
 )  # lines after which the corners are looked at: at first, and twice as many each time
 EVEN = 1e-9  # of a line's way and turn: two that go on alike run through exactly
-
-
-class Run(NamedTuple):
-    """Lines between two corners that are meant."""
-
-    blocks: list[Feed]
-    blended: bool  # they are one row; otherwise each is exact
-    goes_on: bool  # the next line is a part of the same row
 
 
 class _At(NamedTuple):
@@ -50,22 +44,11 @@ class _At(NamedTuple):
     joints: Joints
 
 
-def may_run_on(block: Block, machine: Machine) -> TypeGuard[Line]:
-    """Whether a block is a feed line whose corners no word has said anything of."""
-    if not isinstance(block, (JointLine, TipLine)):
-        return False
-    if block.modal.exact_joints or block.modal.blend_mm > 0.0 or machine.joint_tolerance_mm == 0.0:
-        return False
-    if isinstance(block, JointLine) and (block.machine_frame or block.thread is not None):
-        return False
-    return block.feed_mm_s is not None and block.probe is None
-
-
 class Waiting:
     """Collects lines until it is known which of their corners are meant."""
 
-    def __init__(self, machine: Machine, kinematics: Kinematics) -> None:
-        self._machine, self._kinematics = machine, kinematics
+    def __init__(self, context: Context) -> None:
+        self._context, self._joint_tolerance_mm = context, context.machine.joint_tolerance_mm
         self.forget()
 
     def forget(self) -> None:
@@ -74,17 +57,26 @@ class Waiting:
         self._look = FIRST_LOOK
         self._at: _At | None = None  # where they begin, if they go on with the row before them
 
+    def takes(self, block: Block) -> TypeGuard[Line]:
+        """Whether a block is a feed line whose corners no word has said anything of."""
+        if not isinstance(block, (JointLine, TipLine)) or self._joint_tolerance_mm == 0.0:
+            return False
+        if block.modal.exact_joints or block.modal.blend_mm > 0.0:
+            return False
+        if isinstance(block, JointLine) and (block.machine_frame or block.thread is not None):
+            return False
+        return block.feed_mm_s is not None and block.probe is None
+
     def __bool__(self) -> bool:
         return bool(self._blocks)
 
     @property
-    def modal(self) -> Modal | None:
-        """The state that all of them share; None: there are none."""
-        return self._blocks[0].modal if self._blocks else None
+    def length_mm(self) -> float:
+        """Of their tool."""
+        return self._blocks[0].modal.length_mm
 
-    def takes(self, block: Line) -> bool:
-        if not self._blocks:
-            return True
+    def goes_with(self, block: Feed) -> bool:
+        """Whether it may stand in one row with those that wait."""
         first = self._blocks[0]
         return type(block) is type(first) and rows.alike(block.modal, first.modal)
 
@@ -93,13 +85,13 @@ class Waiting:
         self._blocks.append(block)
         return len(self._blocks) >= self._look
 
-    def runs(self, here: Stand, final: bool) -> list[Run]:
-        """What is certain by now, ``final``: all of it; the path has come to ``here``, or is in their row."""
-        blocks, in_row = self._blocks, self._at is not None
+    def parts(self, standing: Callable[[], Stand], final: bool) -> list[Part]:
+        """What is certain by now, ``final``: all; the path has come to ``standing``, or is in their row."""
+        blocks, in_row, here = self._blocks, self._at is not None, standing()
         places, ats = self._places(blocks, self._at or _At(here.tip, here.axis, here.rotaries, here.joints))
         runs_on, bends = self._corners(places)
         firsts = [0, *(np.flatnonzero(~runs_on) + 1).tolist(), len(blocks)]
-        found: list[Run] = []
+        found: list[Part] = []
         for low, high in itertools.pairwise(firsts):
             ends = high < len(blocks) or final
             if not ends and len(blocks) < rows.WINDOW:
@@ -107,8 +99,8 @@ class Waiting:
             blended = in_row or bool(bends[low : high - 1].any())
             in_row = blended and not ends
             # Whether the last one is run on from is not known yet.
-            found.append(Run(list[Feed](blocks[low : high if ends else high - 1]), blended, in_row))
-        taken = sum(len(run.blocks) for run in found)
+            found.append(Part(blocks[low : high if ends else high - 1], blended, in_row))
+        taken = sum(len(part.blocks) for part in found)
         if taken or final:
             self._at = ats[taken] if in_row else None
         self._blocks = blocks[taken:]
@@ -124,7 +116,7 @@ class Waiting:
         The corner is seen beside the straight way (tip and axis together) from the line's beginning
         to the end of the next, each in shares of its tolerance.
         """
-        machine = self._machine
+        machine = self._context.machine
         tip = places[:, :3]
         way = np.diff(tip, axis=0)
         length = np.sqrt((way * way).sum(axis=1))
@@ -156,15 +148,15 @@ class Waiting:
         """Tip and axis (or X Y Z and rotaries of the machine) where the lines meet, (n + 1, 6 or 5)."""
         if isinstance(blocks[0], TipLine):
             return self._of_tips([b for b in blocks if isinstance(b, TipLine)], begin)
-        machine, kinematics, ats = self._machine, self._kinematics, [begin]
+        kinematics, ats = self._context.kinematics, [begin]
         for block in blocks:
             if isinstance(block, JointLine):
-                ats.append(begin._replace(joints=moves.target(block, machine, kinematics, ats[-1].joints)))
+                ats.append(begin._replace(joints=moves.target(block, self._context, ats[-1].joints)))
         rows_of = [(*xyz_of(at.joints, kinematics), *rotaries_of(at.joints, kinematics)) for at in ats]
         return np.array(rows_of), ats
 
     def _of_tips(self, blocks: list[TipLine], begin: _At) -> tuple[Array, list[_At]]:
-        part = blocks[0].modal.frame(self._machine)
+        part = blocks[0].modal.frame(self._context.machine)
         here, tips, ats = part.from_parent(begin.tip), [], [begin]
         for block in blocks:
             here = lines.tip_of(block, here)
@@ -188,8 +180,8 @@ class Waiting:
     def _axes(self, turned: Array) -> Array:
         """Tool axes (N, 3) of rotaries (N, 2)."""
         none = np.zeros(len(turned))
-        joints = self._kinematics.arrange((none, none, none, turned[:, 0], turned[:, 1]))
-        return columns(self._kinematics.forward(joints, 0.0, np).axis, len(turned))
+        joints = self._context.kinematics.arrange((none, none, none, turned[:, 0], turned[:, 1]))
+        return columns(self._context.kinematics.forward(joints, 0.0, np).axis, len(turned))
 
 
 def _vectors(blocks: list[TipLine], begin: _At, frame: Array) -> Array:

@@ -7,10 +7,10 @@ from dataclasses import replace
 
 from controller.geometry.curves import Arc
 from controller.geometry.vectors import Frame, Vector, norm, scale, subtract, unit
-from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine
 from controller.motion.motions import JointMove, ThreadMove
-from controller.plan.segment import Diagnostics, Segment, rotaries_of, round_arc, straight
+from controller.plan.context import Context
+from controller.plan.segment import Segment, rotaries_of, round_arc, straight
 from controller.program.contour import circles
 from controller.program.position import placed, read_in, shifted
 from controller.program.program import JointArc, JointLine, JointMotion, Thread
@@ -20,16 +20,16 @@ SPIN_UP_S = 0.25  # along a thread, at least: in less the spindle's lag could no
 FOLLOWING_SHARE = 0.3  # of the axes' limits: what a thread leaves for following a spindle that lags
 
 
-def line(block: JointLine, machine: Machine, kinematics: Kinematics, now: Joints) -> Segment | None:
+def line(block: JointLine, context: Context, now: Joints) -> Segment | None:
     """The segment of a G0 or G1; None where nothing moves."""
-    end = target(block, machine, kinematics, now)
-    found = straight("line", block.place, now, end, block.feed_mm_s, kinematics, block.feed_deg_s)
+    end = target(block, context, now)
+    found = straight("line", block.place, now, end, block.feed_mm_s, context.kinematics, block.feed_deg_s)
     if found is None:
         return None
     if block.hole:
         found = replace(found, hole=block.hole)
     if block.thread is not None:
-        return _tied(found, block.thread, machine)
+        return _tied(found, block.thread, context.machine)
     return found if block.time_s is None else timed(found, block.time_s)
 
 
@@ -57,16 +57,18 @@ def timed(segment: Segment, time_s: float) -> Segment:
     return replace(segment, feed_mm_s=segment.motion.end / time_s)
 
 
-def target(block: JointMotion, machine: Machine, kinematics: Kinematics, now: Joints) -> Joints:
+def target(block: JointMotion, context: Context, now: Joints) -> Joints:
     """Joints at the end of a block: program values plus work offset and tool length (G43)."""
     if isinstance(block, JointLine) and block.machine_frame:
         frame, length = Frame(), 0.0
     else:
-        frame, length = read_in(block.modal, machine, kinematics, rotaries_of(now, kinematics))
+        frame, length = read_in(
+            block.modal, context.machine, context.kinematics, rotaries_of(now, context.kinematics)
+        )
     end = [
         q if t is None else (q + t if block.relative else t) for q, t in zip(now, block.targets, strict=True)
     ]
-    linear = machine.linear()
+    linear = context.machine.linear()
     words = tuple(block.targets[i] for i in linear)
     if any(word is not None for word in words):
         here = xyz_of(now, linear)
@@ -84,13 +86,11 @@ def xyz_of(joints: Joints, linear: tuple[int, int, int]) -> Vector:
 # ---- arcs ------------------------------------------------------------------------
 
 
-def arc(
-    block: JointArc, machine: Machine, kinematics: Kinematics, now: Joints, voice: Diagnostics
-) -> Segment | None:
+def arc(block: JointArc, context: Context, now: Joints) -> Segment | None:
     """The segment of a G2 or G3: arc or helix, full circles and turns included."""
-    end = target(block, machine, kinematics, now)
-    frame, _ = read_in(block.modal, machine, kinematics, rotaries_of(now, kinematics))
-    linear = machine.linear()
+    end = target(block, context, now)
+    frame, _ = read_in(block.modal, context.machine, context.kinematics, rotaries_of(now, context.kinematics))
+    linear = context.machine.linear()
     # Distances only: the origin of the frame and the tool length cancel out.
     chord = frame.turn_back(subtract(xyz_of(end, linear), xyz_of(now, linear)))
     a, b, n = block.plane
@@ -104,10 +104,10 @@ def arc(
             (chord[a], chord[b]),
             way,
             block.turns,
-            machine.arc_tolerance_mm,
+            context.machine.arc_tolerance_mm,
         )
     except circles.NoCircleError as error:
-        voice.refuse(block.place, error.said)
+        context.refuse(block.place, error.said)
     radius = math.hypot(*centre)
     first, second, rise = [0.0] * 3, [0.0] * 3, [0.0] * 3
     first[a], first[b] = -centre[0], -centre[1]
@@ -117,10 +117,10 @@ def arc(
     vectors = (frame.turn((v[0], v[1], v[2])) for v in (first, second, rise))
     f, s, r = vectors
     if radius * sweep < circles.SAME_MM:
-        line = straight("line", block.place, now, end, block.feed_mm_s, kinematics)
+        line = straight("line", block.place, now, end, block.feed_mm_s, context.kinematics)
         return line if line is None or block.time_s is None else timed(line, block.time_s)
     bow = Arc(middle, f, s, sweep, r)
-    found = round_arc("arc", block.place, now, end, bow, block.feed_mm_s, kinematics)
+    found = round_arc("arc", block.place, now, end, bow, block.feed_mm_s, context.kinematics)
     return found if block.time_s is None else timed(found, block.time_s)
 
 

@@ -12,12 +12,12 @@ import numpy as np
 
 from controller.geometry.arrays import Array
 from controller.geometry.vectors import ROUNDING
-from controller.machine.kinematics import Kinematics
-from controller.machine.model import Joints, Machine
+from controller.machine.model import Joints
 from controller.motion.motions import ToolSpline
+from controller.plan.context import Context
 from controller.plan.lines.corners import Feed
 from controller.plan.rotaries import tool_paths
-from controller.plan.segment import MIN_TIP_RATE, STANDS_MM, Diagnostics, Segment
+from controller.plan.segment import MIN_TIP_RATE, STANDS_MM, Segment
 from controller.plan.surfaces import audit
 from controller.program.program import JointArc, JointLine, Place
 
@@ -35,8 +35,8 @@ class Begun(NamedTuple):
 class RowMotions:
     """Makes motions of rows on one machine."""
 
-    def __init__(self, machine: Machine, kinematics: Kinematics, voice: Diagnostics) -> None:
-        self._machine, self._kinematics, self._voice = machine, kinematics, voice
+    def __init__(self, context: Context) -> None:
+        self._context = context
 
     def segment(
         self,
@@ -66,7 +66,7 @@ class RowMotions:
         share = np.arange(samples) / samples
         inside = knots[:-1, None] - begin + np.diff(knots)[:, None] * share
         places = np.append(inside.ravel(), motion.end)
-        joints = tool_paths.joints_along_spline(motion, places, self._kinematics)
+        joints = tool_paths.joints_along_spline(motion, places, self._context.kinematics)
         start, end = _joints(joints[0]), _joints(joints[-1])
         found = Segment(
             motion,
@@ -88,15 +88,15 @@ class RowMotions:
 
     def audit(self, place_at: Callable[[float], Place], s: Array, joints: Array) -> None:
         """Travel of all joints."""
-        low = np.array([axis.travel_min for axis in self._machine.axes]) - ROUNDING
-        high = np.array([axis.travel_max for axis in self._machine.axes]) + ROUNDING
+        low = np.array([axis.travel_min for axis in self._context.machine.axes]) - ROUNDING
+        high = np.array([axis.travel_max for axis in self._context.machine.axes]) + ROUNDING
         out = ((joints < low) | (joints > high)).any(axis=1)
         if out.any():  # the first line that leaves it, not the worst
             s, joints = s[: out.argmax() + 1], joints[: out.argmax() + 1]
-        excess = audit.outside(self._machine, s, joints)
+        excess = audit.outside(self._context.machine, s, joints)
         if excess is not None:
             place = place_at(float(s[excess.sample]))
-            self._voice.refuse(place, audit.describe(self._machine.axes[excess.axis], excess))
+            self._context.refuse(place, audit.describe(self._context.machine.axes[excess.axis], excess))
 
 
 def feed_of(block: Feed, size: float, tip_mm: float, turned_deg: float) -> tuple[float, bool]:

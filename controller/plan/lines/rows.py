@@ -12,16 +12,16 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_left, bisect_right
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from controller.geometry.arrays import Array
 from controller.geometry.vectors import Vector
-from controller.machine.kinematics import Kinematics
-from controller.machine.model import Machine
 from controller.motion.motions import DEG_PER_MM, ToolLine
+from controller.plan.context import Context
 from controller.plan.lines import lines, moves
 from controller.plan.lines.corners import CHORD_SHARE, CIRCLE_SHARE, CornerMaker, Corners, Feed
 from controller.plan.lines.lines import Stand
@@ -32,7 +32,6 @@ from controller.plan.rotaries.turns import SAME_ROTARY_RAD
 from controller.plan.segment import (
     STANDS_MM,
     ContinuousPath,
-    Diagnostics,
     Segment,
     joints_of,
     rotaries_of,
@@ -49,6 +48,15 @@ BLEND_DEG = 0.05  # G64 P without Q: the axis may leave its way by so much (17 u
 STANDING_DEG = 1.0  # turns of a standing tip that a row runs through
 AUDIT_DEG = 2.0  # turn of an exact line per sample of its audit
 MIN_GAP = 1e-9  # corners nearer than this in s are one
+
+
+class Part(NamedTuple):
+    """Lines that waited until it was known how they are laid."""
+
+    blocks: Sequence[Feed]
+    blended: bool = False  # they are one row; otherwise each is exact
+    goes_on: bool = False  # the next line is a part of the same row
+    laid: tuple[list[ContinuousPath], Stand] | None = None  # as exact chains already, and where they end
 
 
 def blends(block: Feed) -> bool:
@@ -72,18 +80,16 @@ def alike(a: Modal, b: Modal) -> bool:
 class LineRow:
     """Collects the blocks of one row; ``chains`` gives what can be given of it."""
 
-    def __init__(
-        self, block: Feed, stand: Stand, machine: Machine, kinematics: Kinematics, voice: Diagnostics
-    ) -> None:
-        self._machine, self._kinematics, self._voice = machine, kinematics, voice
+    def __init__(self, block: Feed, stand: Stand, context: Context) -> None:
+        self._context = context
         self._modal = block.modal
-        self._tip_mm = block.modal.blend_mm or machine.joint_tolerance_mm
+        self._tip_mm = block.modal.blend_mm or context.machine.joint_tolerance_mm
         self._tips = block.modal.tip is not Tip.OFF
         self._vectors = block.modal.tip is Tip.VECTORS
         degrees = block.modal.blend_deg or BLEND_DEG
         self._axis_rad = math.radians(degrees)
-        self._maker = CornerMaker(block.modal, self._axis_rad, machine, kinematics, voice)
-        self._motions = RowMotions(machine, kinematics, voice)
+        self._maker = CornerMaker(block.modal, self._axis_rad, context)
+        self._motions = RowMotions(context)
         self._stand = stand
         self.joints = stand.joints  # where the segments given away end
         self._blocks: list[Feed] = []
@@ -149,10 +155,10 @@ class LineRow:
         if not isinstance(block, TipLine):
             return
         begin = (float(found.values[0, 3]), float(found.values[0, 4]))
-        swivel = lines.turn(block, self._stand, begin, self._kinematics)
+        swivel = lines.turn(block, self._stand, begin, self._context.kinematics)
         if swivel is not None:
             yield from self._taken(True)
-            audit_line(swivel, self._machine, self._kinematics, self._voice)
+            audit_line(swivel, self._context)
             self.joints = swivel.end
             yield ContinuousPath((swivel,))
 
@@ -198,7 +204,7 @@ class LineRow:
         self._note_lines(blocks, found, s, first, last)
         line = Polyline(s[keep], values[keep], sine[keep])
         if self._row is None:
-            spin = self._kinematics.work if self._tips else None
+            spin = self._context.kinematics.work if self._tips else None
             share = 1.0 - CIRCLE_SHARE if self._tips else 1.0
             chords = 0.0 if self._tips else CHORD_SHARE
             tolerance = Tolerance((1.0 - chords) * self._tip_mm, share * self._axis_rad, spin)
@@ -241,7 +247,7 @@ class LineRow:
         swivel = bool(found.share[after] == 1.0)
         block = blocks[int(found.line[through] if swivel else found.line[after])]
         first, last = (float(a[3]), float(a[4])), (float(b[3]), float(b[4]))
-        kinematics = self._kinematics
+        kinematics = self._context.kinematics
         if not isinstance(block, TipLine):
             start, end = (joints_of(_three(v), (float(v[3]), float(v[4])), kinematics) for v in (a, b))
             feeds = (block.feed_mm_s, kinematics, turning_feed(block))
@@ -265,14 +271,14 @@ class LineRow:
         if line is not None:
             name = "swivel" if swivel else "line"
             segment = lines.segment_of(block, line, stand.joints, kinematics, name)
-            audit_line(segment, self._machine, kinematics, self._voice)
+            audit_line(segment, self._context)
             self.joints = segment.end
             yield ContinuousPath((segment,))
 
     def _circle(self, stand: Stand, axis: Vector, last: tuple[float, float]) -> GreatCircles | None:
         if self._vectors:
             return lines.circle(stand.axis, axis)
-        return lines.great_circle(stand, axis, last, self._machine, self._kinematics)
+        return lines.great_circle(stand, axis, last, self._context)
 
     # ---- from spans to motions -----------------------------------------------------------
 
@@ -294,22 +300,22 @@ class LineRow:
         return found
 
 
-def audit_line(segment: Segment, machine: Machine, kinematics: Kinematics, voice: Diagnostics) -> None:
+def audit_line(segment: Segment, context: Context) -> None:
     """Refuses an exact tool line on which a joint leaves its travel."""
     motion = segment.motion
-    first, last = rotaries_of(segment.start, kinematics), rotaries_of(segment.end, kinematics)
+    first, last = rotaries_of(segment.start, context.kinematics), rotaries_of(segment.end, context.kinematics)
     turned = math.degrees(max(abs(a - b) for a, b in zip(first, last, strict=True)))
     near, rows = first, []
     s = np.linspace(0.0, motion.end, 3 + math.ceil(turned / AUDIT_DEG))
     for at in s.tolist():
-        joints = motion.joints(at, near, kinematics) or segment.end
-        near = rotaries_of(joints, kinematics)
+        joints = motion.joints(at, near, context.kinematics) or segment.end
+        near = rotaries_of(joints, context.kinematics)
         rows.append(joints)
-    if audit.surely_inside(machine, rows):
+    if audit.surely_inside(context.machine, rows):
         return
-    excess = audit.outside(machine, s, np.array(rows))
+    excess = audit.outside(context.machine, s, np.array(rows))
     if excess is not None:
-        voice.refuse(segment.place, audit.describe(machine.axes[excess.axis], excess))
+        context.refuse(segment.place, audit.describe(context.machine.axes[excess.axis], excess))
 
 
 def _three(row: Array) -> Vector:

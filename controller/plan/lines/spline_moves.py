@@ -12,45 +12,54 @@ from controller.geometry.arrays import Array
 from controller.geometry.curves import Curve, Even
 from controller.geometry.splines import BSpline, simplest
 from controller.geometry.vectors import ROUNDING, Vector, add, norm, subtract
-from controller.machine.kinematics import Kinematics
-from controller.machine.model import Joints, Machine
+from controller.machine.model import Joints
 from controller.messages import message
 from controller.motion.motions import JointMove
+from controller.plan.context import Context
+from controller.plan.lines import moves
 from controller.plan.lines.moves import xyz_of
-from controller.plan.segment import Diagnostics, Segment, joints_of, rotaries_of
+from controller.plan.segment import Segment, joints_of, rotaries_of
 from controller.program.position import placed, read_in, shifted
-from controller.program.program import JointCurve
+from controller.program.program import JointCurve, JointLine, JointMotion
 
 SLOW = 0.01  # of the highest rate of a span: where the least one is below, it is looked for
 SAMPLES = 257  # of a span
 BESIDE_KNOT = 1e-6  # of the parameter: nearer to a knot there is an end already
 
 
-def segments(
-    block: JointCurve, machine: Machine, kinematics: Kinematics, now: Joints, voice: Diagnostics
-) -> list[Segment]:
+def moves_of(block: JointMotion, context: Context, now: Joints) -> list[Segment]:
+    """The moves of a G0 to G5.2 without a tool-centre mode, as it stands there; none where nothing moves."""
+    if isinstance(block, JointCurve):
+        return segments(block, context, now)
+    one = moves.line(block, context, now) if isinstance(block, JointLine) else moves.arc(block, context, now)
+    return [one] if one is not None else []
+
+
+def segments(block: JointCurve, context: Context, now: Joints) -> list[Segment]:
     """The moves of a curve, one for each span between its knots; none where it has no length."""
-    whole = spline(block, controls(block, machine, kinematics, now))
+    whole = spline(block, controls(block, context, now))
     whole = whole.refined(_slow(whole))
     try:
         arcs = [arc_length.of(span) for span in _spans(whole)]
     except ValueError:
-        voice.refuse(block.place, message("curve.to_and_fro"))
+        context.refuse(block.place, message("curve.to_and_fro"))
     length = sum(arc.length_mm for arc in arcs)
     made: list[Segment] = []
     for arc in arcs:
         feed = block.feed_mm_s if block.time_s is None else length / block.time_s
-        rotaries, start = rotaries_of(now, kinematics), made[-1].end if made else now
-        end = joints_of(arc.curve.at(1.0), rotaries, kinematics)
+        rotaries, start = rotaries_of(now, context.kinematics), made[-1].end if made else now
+        end = joints_of(arc.curve.at(1.0), rotaries, context.kinematics)
         move = JointMove(Even(arc), arc.length_mm, rotaries, rotaries)
         made.append(Segment(move, block.place, feed, False, start, end, True, "curve"))
     return made
 
 
-def controls(block: JointCurve, machine: Machine, kinematics: Kinematics, now: Joints) -> list[Vector]:
+def controls(block: JointCurve, context: Context, now: Joints) -> list[Vector]:
     """The control points as positions of X Y Z, the first where the axes stand."""
-    frame, length = read_in(block.modal, machine, kinematics, rotaries_of(now, kinematics))
-    here = xyz_of(now, machine.linear())
+    frame, length = read_in(
+        block.modal, context.machine, context.kinematics, rotaries_of(now, context.kinematics)
+    )
+    here = xyz_of(now, context.machine.linear())
     found = []
     for x, y, off, _ in block.controls:
         words = (x, y, None)

@@ -15,20 +15,20 @@ from dataclasses import replace
 from controller.machine.model import Machine
 from controller.messages import message
 from controller.motion.motions import ThreadMove
+from controller.plan.context import Context
 from controller.plan.lines.corners import Feed
-from controller.plan.segment import ContinuousPath, Diagnostics, PathItem, Segment
+from controller.plan.segment import ContinuousPath, PathItem, Segment
 from controller.program.program import (
     ENABLED,
     UNSAID,
     Act,
     Action,
     Block,
-    JointLine,
     Modal,
     Outputs,
     Overrides,
     Probing,
-    TipLine,
+    probing_of,
 )
 
 _Said = tuple[Outputs, Overrides, bool]
@@ -96,8 +96,7 @@ class Switched:
 
 
 def _feeds(block: Block | None) -> bool:
-    probes = isinstance(block, JointLine | TipLine) and block.probe is not None
-    return isinstance(block, Feed) and block.feed_mm_s is not None and not probes
+    return isinstance(block, Feed) and block.feed_mm_s is not None and probing_of(block) is None
 
 
 def _tied(chain: ContinuousPath) -> bool:
@@ -113,19 +112,17 @@ SEEN_TICKS = 5  # from the edge to the first setpoint that is slower, at the mos
 CLOSE = 1e-4  # of the fastest feed that is told, mm/s
 
 
-def probing_way(
-    chain: ContinuousPath, probe: Probing, tool: int, machine: Machine, voice: Diagnostics
-) -> ContinuousPath:
+def probing_way(chain: ContinuousPath, probe: Probing, tool: int, context: Context) -> ContinuousPath:
     """The same way, under its own feed alone; refused where its stop would be too long for the probe."""
-    sensor = machine.sensor(tool)
+    sensor = context.machine.sensor(tool)
     most_mm = sensor.overtravel_mm if sensor is not None else 0.0
-    late_s = SEEN_TICKS * machine.period_s + (sensor.latency_s if sensor is not None else 0.0)
+    late_s = SEEN_TICKS * context.machine.period_s + (sensor.latency_s if sensor is not None else 0.0)
     for segment in chain.segments:
         feed = segment.feed_mm_s or 0.0
-        found = overtravel_mm(segment, feed, late_s, machine)
+        found = overtravel_mm(segment, feed, late_s, context.machine)
         if found > most_mm:
-            fastest = math.floor(60.0 * _fastest(segment, most_mm, late_s, machine))
-            voice.refuse(
+            fastest = math.floor(60.0 * _fastest(segment, most_mm, late_s, context.machine))
+            context.refuse(
                 segment.place,
                 message(
                     "probing.too_fast",

@@ -18,8 +18,9 @@ from controller.machine.kinematics import kinematics_of
 from controller.machine.model import OFFSETS, Joints, Machine
 from controller.messages import DEFAULT, text
 from controller.motion.motions import JointMove, Rotaries
+from controller.plan.context import Context
 from controller.plan.lines import moves, spline_moves
-from controller.plan.segment import Diagnostics, rotaries_of
+from controller.plan.segment import rotaries_of
 from controller.program.position import Coordinate, Position, read_in
 from controller.program.program import (
     Act,
@@ -98,8 +99,8 @@ def steps(
 class _Explainer:
     def __init__(self, machine: Machine, name: str, start: Joints, language: str) -> None:
         self._machine, self._kinematics, self._language = machine, kinematics_of(machine), language
+        self._context = Context.silent(machine, name, self._kinematics)
         self._position = Position(machine, start)
-        self._voice = Diagnostics(name, lambda _, __: None)
 
     def step(self, block: Block) -> Step:
         before = self._position.joints() if isinstance(block, JointMotion) else ()
@@ -177,7 +178,7 @@ class _Explainer:
         here = [q for q in before if q is not None]
         if len(here) < len(before):
             return told
-        found = moves.arc(block, self._machine, self._kinematics, tuple(here), self._voice)
+        found = moves.arc(block, self._context, tuple(here))
         if found is not None and isinstance(found.motion, JointMove) and isinstance(found.motion.curve, Arc):
             told["centre"] = self._shown(found.motion.curve.centre, block, found.motion.start_rotaries)
         return told
@@ -191,7 +192,7 @@ class _Explainer:
         }
         here = [q for q in before if q is not None]
         if len(here) == len(before):
-            found = spline_moves.controls(block, self._machine, self._kinematics, tuple(here))
+            found = spline_moves.controls(block, self._context, tuple(here))
             rotaries = rotaries_of(tuple(here), self._kinematics)
             told["points"] = [self._shown(point, block, rotaries) for point in found]
         return told

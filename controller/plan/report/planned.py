@@ -17,11 +17,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from controller.ipc.handoff import Law
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine
+from controller.plan import known
 from controller.plan.feed import cruise, mesh, pace, profile
 from controller.plan.feed.binding import Laws, Marks, Span
-from controller.plan.feed.course import FeedCourse, Rests
+from controller.plan.feed.course import FeedCourse, Scales
 from controller.plan.feed.profile import Profile
 from controller.plan.look_ahead import (
     FIRST_S,
@@ -35,14 +37,12 @@ from controller.plan.look_ahead import (
 )
 from controller.plan.planner import RETRY_S
 from controller.plan.segment import PathItem, Pause, Segment
-from controller.plan.track import Track
+from controller.plan.track import Track, Unit
 
 SIGHT = 2.0 * WHOLE_SHARE  # times a window of motion at the feed: none looks as far ahead
 FEWEST = 2  # windows that are rolled on at once
-FIRST_ROW, MAX_ROW = (
-    8,
-    256,
-)  # straight motions that are planned at once: at first, and twice as many each time
+FIRST_ROW, MAX_ROW = 8, 256  # ways from rest to rest planned at once: at first, and twice as many each time
+MAX_ROW_S = 12.0  # of motion in those of them that have to be searched for
 FULL, START = Orders(), TrackPlace(0, 0.0)
 
 
@@ -111,9 +111,12 @@ def windows_along(
 
 @dataclass(frozen=True, slots=True)
 class Row(Sent):
-    """Straight motions, each from rest to rest in a window of its own, as one."""
+    """Ways from rest to rest, each in a window of its own, as one."""
 
     spans: tuple[Span, ...] = ()
+
+
+Way = tuple[Segment, ...]
 
 
 class _Windows(Windows):
@@ -126,36 +129,62 @@ class _Windows(Windows):
     def from_rest(
         self, track: Units, place: TrackPlace, start_s: float, orders: Orders, soon: bool = False
     ) -> Sent | None:
-        """As of any; straight motions that rest are planned many at once."""
-        units = [] if place.s > 0.0 or orders.stop_inside else self._straights(track, place.unit, orders)
-        row = self._together(units, place.unit, start_s, orders) if len(units) > 1 else None
-        self._many = FIRST_ROW if row is None else min(max(2 * len(row.spans), FIRST_ROW), MAX_ROW)
+        """As of any; ways that rest are planned many at once."""
+        ways = [] if place.s > 0.0 or orders.stop_inside else self._ways(track, place.unit, orders, soon)
+        row = self._together(ways, place.unit, start_s, orders) if len(ways) > 1 else None
+        self._many = FIRST_ROW if row is None else min(max(2 * len(ways), FIRST_ROW), MAX_ROW)
         return super().from_rest(track, place, start_s, orders, soon) if row is None else row
 
-    def _straights(self, track: Units, first: int, orders: Orders) -> list[Segment]:
-        """Those that follow each other from a unit on."""
-        found: list[Segment] = []
-        while len(found) < self._many and (unit := track.at(first + len(found))) is not None:
-            what = unit.segment
-            if what is None or not unit.rests or unit.begin > 0.0 or unit.optional_stop:
+    def _ways(self, track: Units, first: int, orders: Orders, soon: bool) -> list[Way]:
+        """Those that follow each other from a unit on, as far as a window has all of each."""
+        found: list[Way] = []
+        takes_s = 0.0
+        while len(found) < self._many and takes_s < MAX_ROW_S and (unit := track.at(first)) is not None:
+            units = [unit]
+            if not (unit.rests and unit.segment and profile.is_straight(unit.segment, self._machine)):
+                seconds = FIRST_S if soon and not found else WINDOW_S
+                reach = self._reach(track, TrackPlace(first, 0.0), orders, seconds, 0)
+                units, takes_s = reach.units, takes_s + reach.takes_s
+            way = tuple(one.segment for one in units if one.segment)
+            if takes_s == math.inf or not way or self._is_special(units, orders):
                 break
-            if not profile.is_straight(what, self._machine) or what.scale(*orders.shares) <= 0.0:
-                break
-            found.append(what)
+            found.append(way)
+            first += len(way)
         return found
 
-    def _together(self, segments: list[Segment], first: int, start_s: float, orders: Orders) -> Row | None:
+    def _is_special(self, units: list[Unit], orders: Orders) -> bool:
+        """Whether more than the path is to be heeded on the way."""
+        none = [one.segment for one in units if one.segment and one.segment.scale(*orders.shares) <= 0.0]
+        return bool(none) or any(one.begin > 0.0 or one.optional_stop for one in units)
+
+    def _together(self, ways: list[Way], first: int, start_s: float, orders: Orders) -> Row | None:
         """Those before the first that takes more than one window; None: there are none."""
-        course, spans, end_s = Rests(segments, self._machine, self._kinematics, *orders.scales), [], start_s
-        for k, law in enumerate(profile.straights(course)):
-            if law.duration_s > WHOLE_SHARE * FIRST_S:
+        spans, end_s, k, scales = list[Span](), start_s, 0, orders.scales
+        for way, laws in zip(ways, self._laws(ways, scales), strict=True):
+            if not laws or (len(way) == 1 and laws[0].duration_s > WHOLE_SHARE * FIRST_S):
                 break
-            took_s = self._on_grid(law.duration_s)
-            spans.append(Span(k, law, 0.0, law.duration_s, took_s - law.duration_s))
-            end_s += took_s
-        after = TrackPlace(first + len(spans), 0.0)
+            long_s = sum(law.duration_s for law in laws)
+            took_s = self._on_grid(long_s)
+            spans += [Span(k + i, law, 0.0, law.duration_s) for i, law in enumerate(laws)]
+            spans[-1] = spans[-1]._replace(stands_s=took_s - long_s)
+            end_s, k = end_s + took_s, k + len(way)
+        after = TrackPlace(first + k, 0.0)
+        course = FeedCourse.of_ways(ways, self._machine, self._kinematics, scales)
         row = Row(first, start_s, end_s, None, after, orders, (), course, spans=tuple(spans))
         return row if spans else None
+
+    def _laws(self, ways: list[Way], scales: Scales) -> list[list[Law]]:
+        """Of each way its segments' laws; none where there is no law from rest."""
+        at = self._machine, self._kinematics
+        even = [len(way) == 1 and profile.is_straight(way[0], self._machine) for way in ways]
+        straight = [way for way, is_even in zip(ways, even, strict=True) if is_even]
+        courses = [
+            FeedCourse(way, *at, *scales) for way, is_even in zip(ways, even, strict=True) if not is_even
+        ]
+        closed = iter(profile.straights(FeedCourse.of_ways(straight, *at, scales)) if straight else ())
+        sought = zip(courses, known.laws(courses), strict=True)
+        others = iter([one for _, one in law.laws(course)] if law else [] for course, law in sought)
+        return [[next(closed)] if is_even else next(others) for is_even in even]
 
     def _stops(self, made: Sent) -> None:
         return None

@@ -8,7 +8,7 @@ from controller.geometry.vectors import norm, subtract
 from controller.motion.motions import JointMove
 from controller.plan.path.outputs import PROBE
 from controller.plan.restart.program_position import BESIDE
-from controller.plan.segment import STANDS_MM, Segment
+from controller.plan.segment import Segment
 
 # On surfaces, along lines and arcs, down and up holes of cycles, and beside threads.
 CUTS = ("surface", "mill", "drill", "tap", "thread")
@@ -40,6 +40,6 @@ def kind_of(segment: Segment) -> str:
 
 
 def turns_alone(segment: Segment) -> bool:
-    """Whether only rotaries move."""
+    """Whether only rotaries move: s is then not the way of X Y Z."""
     curve = segment.motion.curve if isinstance(segment.motion, JointMove) else None
-    return isinstance(curve, Line) and bool(norm(subtract(curve.end, curve.start)) < STANDS_MM)
+    return isinstance(curve, Line) and 2.0 * norm(subtract(curve.end, curve.start)) < segment.motion.end

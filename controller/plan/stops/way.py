@@ -188,8 +188,9 @@ class Way:
 
 
 def _rising(s: Array, v: Array) -> tuple[Array, Array]:
-    """The samples of a plan without those that do not advance."""
+    """The samples of a plan without those that do not advance; of one that hardly does, both ends."""
     keep = np.concatenate([[True], np.diff(np.maximum.accumulate(s)) > 4.0 * MIN_STEP])
+    keep[-1] |= keep.sum() < 2
     return s[keep], v[keep]
 
 

@@ -23,8 +23,9 @@ from controller.geometry.arrays import Array
 from controller.geometry.curves import Arc
 from controller.geometry.vectors import Vector, cross, dot, norm, scale, subtract
 from controller.machine.kinematics import Kinematics
-from controller.machine.model import Joints, Machine
+from controller.machine.model import Joints
 from controller.motion.motions import Rotaries, SurfaceCut
+from controller.plan.context import Context
 from controller.plan.rotaries.branch import field, joints_on
 from controller.plan.rotaries.turns import SAME_ROTARY_RAD
 from controller.plan.segment import (
@@ -85,7 +86,7 @@ class _Stand:
 # ---- from the retract height to the lead and back --------------------------------
 
 
-def above(stand: _Stand, lead: Lead, legs: Sequence[CutSegment], machine: Machine, kin: Kinematics) -> Vector:
+def above(stand: _Stand, lead: Lead, legs: Sequence[CutSegment], context: Context) -> Vector:
     """The tip on the tool-axis line through a lead's outer end that is clear of the train's highest point.
 
     Highest is meant as the machine stands: along Z with the rotaries of that end. A
@@ -96,51 +97,54 @@ def above(stand: _Stand, lead: Lead, legs: Sequence[CutSegment], machine: Machin
     tip, axis, radius = lead.tip, lead.axis, legs[0].cut.tool.radius_mm
     points = audit.surface_points([other.cut for other in legs])
     x, y, z = points
-    heights = kin.linear((x, y, z), stand.rotaries, stand.length_mm, np)[2]
+    heights = context.kinematics.linear((x, y, z), stand.rotaries, stand.length_mm, np)[2]
     base = stand.xyz(tip)
     climb = stand.xyz(beside(tip, (axis, 1.0)))[2] - base[2]  # of Z per mm along the axis
     climb = min(1.0, climb)
-    behind = float((np.array(axis) @ points).max()) - dot(axis, tip) + machine.clearance_mm
+    behind = float((np.array(axis) @ points).max()) - dot(axis, tip) + context.machine.clearance_mm
     if climb < 1e-3:
         return beside(tip, (axis, max(0.0, behind)))
     dip = radius * math.sqrt(max(0.0, 1.0 - climb * climb)) if climb < 1.0 - 1e-12 else 0.0
-    over = (float(np.max(heights)) + machine.clearance_mm + dip - base[2]) / climb
+    over = (float(np.max(heights)) + context.machine.clearance_mm + dip - base[2]) / climb
     return beside(tip, (axis, max(0.0, min(over, behind))))
 
 
-def arrive(
-    legs: Sequence[CutSegment], onto: Lead, now: Joints, machine: Machine, kinematics: Kinematics
-) -> list[ContinuousPath]:
+def arrive(legs: Sequence[CutSegment], onto: Lead, now: Joints, context: Context) -> list[ContinuousPath]:
     """Chains from ``now`` to the start of the lead in."""
     leg = legs[0]
-    stand = _Stand.at(leg, onto.rotaries, kinematics)
-    clear = above(stand, onto, legs, machine, kinematics)
+    stand = _Stand.at(leg, onto.rotaries, context.kinematics)
+    clear = above(stand, onto, legs, context)
     target = stand.joints(clear)
-    _, _, z = xyz_of(now, kinematics)
-    height = max(machine.retract_mm, xyz_of(target, kinematics)[2], z)
+    _, _, z = xyz_of(now, context.kinematics)
+    height = max(context.machine.retract_mm, xyz_of(target, context.kinematics)[2], z)
     place = leg.cut.block.place
-    up, over = at_height(now, height, kinematics), at_height(target, height, kinematics)
+    up, over = at_height(now, height, context.kinematics), at_height(target, height, context.kinematics)
     return chains(
-        straight("retract", place, now, up, None, kinematics),
-        straight("position", place, up, over, None, kinematics),
-        straight("down", place, over, target, None, kinematics),
+        straight("retract", place, now, up, None, context.kinematics),
+        straight("position", place, up, over, None, context.kinematics),
+        straight("down", place, over, target, None, context.kinematics),
         stand.line("plunge", clear, onto.tip, stand.feed_mm_s),
     )
 
 
-def depart(
-    legs: Sequence[CutSegment], off: Lead, machine: Machine, kinematics: Kinematics
-) -> list[ContinuousPath]:
+def depart(legs: Sequence[CutSegment], off: Lead, context: Context) -> list[ContinuousPath]:
     """Chains from the end of the lead out to the retract height."""
-    stand = _Stand.at(legs[-1], off.rotaries, kinematics)
-    clear = above(stand, off, legs, machine, kinematics)
+    stand = _Stand.at(legs[-1], off.rotaries, context.kinematics)
+    clear = above(stand, off, legs, context)
     # Without a lead the flank is still on the surface: away from it at feed only.
-    feed = None if machine.lead_mm > 0.0 else stand.feed_mm_s
+    feed = None if context.machine.lead_mm > 0.0 else stand.feed_mm_s
     target = stand.joints(clear)
-    height = max(machine.retract_mm, xyz_of(target, kinematics)[2])
+    height = max(context.machine.retract_mm, xyz_of(target, context.kinematics)[2])
     return chains(
         stand.line("lift", off.tip, clear, feed),
-        straight("retract", stand.place, target, at_height(target, height, kinematics), None, kinematics),
+        straight(
+            "retract",
+            stand.place,
+            target,
+            at_height(target, height, context.kinematics),
+            None,
+            context.kinematics,
+        ),
     )
 
 

@@ -8,7 +8,7 @@ gone through whole.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -17,10 +17,11 @@ import numpy as np
 from controller.geometry.arrays import Array, columns
 from controller.geometry.placement import Placed, Strategy
 from controller.geometry.surfaces import Surface
-from controller.machine.kinematics import Kinematics, kinematics_of
+from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine
+from controller.plan.context import Context
 from controller.plan.rotaries.branch import joints_along
-from controller.plan.segment import Diagnostics, Segment
+from controller.plan.segment import Segment
 from controller.plan.surfaces import approach, blending, cuts, leads, placements, train
 from controller.plan.surfaces.cuts import Cut, Parts
 from controller.plan.surfaces.placing import CHOSEN_FROM, Grid, as_the_paper
@@ -31,9 +32,11 @@ BESIDE = np.linspace(0.0, 1.0, 129)[1:] ** 2  # of a lead, closer where it joins
 TURNED = np.linspace(0.0, 1.0, 17)
 
 
-def build(block: CutBlock, machine: Machine, voice: Diagnostics) -> tuple[Cut, ...]:
-    """As ``cuts.build``, for whatever placement is asked for."""
-    return cuts.build(block, machine, voice, partial(_least_off, machine=machine, name=voice.program))
+def build(blocks: Iterable[CutBlock], context: Context) -> Iterator[Cut]:
+    """As ``cuts.build``, for whatever placement is asked for; what joins smoothly is placed together."""
+    auto = partial(_least_off, machine=context.machine, name=context.program)
+    for group in cuts.placed_together(blocks, context.machine):
+        yield from cuts.build(group, context, auto)
 
 
 def _least_off(parts: Parts, machine: Machine, name: str) -> tuple[Surface, ...]:
@@ -62,9 +65,10 @@ def _least_off(parts: Parts, machine: Machine, name: str) -> tuple[Surface, ...]
 
 def _choice_inputs(parts: Parts, machine: Machine) -> tuple[object, ...]:
     """What the choice depends on beside the surfaces: the block's joints and its leads."""
-    block, joints = parts.block, blending.allowed_by(parts.block.modal, machine)
+    block, joints = parts.blocks[0], blending.allowed_by(parts.blocks[0].modal, machine)
     led = machine.lead_mm, machine.lead_feed_mm_s, machine.period_s, machine.axes
-    return block.feed_mm_s, block.modal.frame(machine), joints, led
+    others = tuple(one.feed_mm_s for one in parts.blocks[1:])
+    return block.feed_mm_s, block.modal.frame(machine), joints, led, *others
 
 
 def _middle(way: Sequence[Cut], grids: Sequence[Grid]) -> float:
@@ -78,10 +82,10 @@ def _middle(way: Sequence[Cut], grids: Sequence[Grid]) -> float:
 
 def _whole(way: Sequence[Cut], grids: Sequence[Grid], machine: Machine, name: str) -> float:
     """How far (mm) a block is off at most; inf where it cannot be run so."""
-    kinematics, silent = kinematics_of(machine), Diagnostics(name, lambda place, told: None)
+    silent = Context.silent(machine, name)
     try:
-        trains = list(train.trains(way, machine, kinematics, silent))
-        beside = [poses for one in trains for poses in _beside(*one, machine, kinematics, silent)]
+        trains = list(train.trains(way, silent))
+        beside = [poses for one in trains for poses in _beside(*one, silent)]
     except ProgramError:
         return np.inf
     way = [cut for members, _ in trains for cut in members]  # led over into each other
@@ -105,21 +109,17 @@ def _by_cuts(way: Sequence[Cut], grids: Sequence[Grid]) -> list[Array]:
 
 
 def _beside(
-    members: Sequence[Cut],
-    meetings: Sequence[train.Meeting],
-    machine: Machine,
-    kinematics: Kinematics,
-    voice: Diagnostics,
+    members: Sequence[Cut], meetings: Sequence[train.Meeting], context: Context
 ) -> Iterator[tuple[Array, Array]]:
     """Tips and axes (N, 3), part frame, of all but the cuts of a train: the turns between them, the leads."""
-    legs = train.choose(members, machine, kinematics, (0.0, 0.0), voice)
+    legs = train.choose(members, context, (0.0, 0.0))
     for before, after, meeting in zip(legs[:-1], legs[1:], meetings, strict=True):
-        for segment in approach.between(before, after, meeting, kinematics):
-            yield _poses(segment, TURNED, before.cut, kinematics)
-    warned = replace(machine, gouge="warn")
+        for segment in approach.between(before, after, meeting, context.kinematics):
+            yield _poses(segment, TURNED, before.cut, context.kinematics)
+    warned = replace(context, machine=replace(context.machine, gouge="warn"))
     for at_start, share, cut in ((True, 1.0 - BESIDE, members[0]), (False, BESIDE, members[-1])):
-        for segment in leads.lay(legs, at_start, warned, kinematics, voice).segments:
-            yield _poses(segment, share, cut, kinematics)
+        for segment in leads.lay(legs, at_start, warned).segments:
+            yield _poses(segment, share, cut, context.kinematics)
 
 
 def _poses(segment: Segment, share: Array, cut: Cut, kinematics: Kinematics) -> tuple[Array, Array]:

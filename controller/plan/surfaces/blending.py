@@ -26,6 +26,7 @@ from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine
 from controller.memory import remembered
 from controller.motion.motions import SurfaceCut
+from controller.plan.context import Context
 from controller.plan.surfaces import passing
 from controller.plan.surfaces.blends import End, Looked, Rounding, between, led_over, placed
 from controller.plan.surfaces.cuts import MAX_KNOWN, REMEMBERED, SAME_RAD, Cut, apart, edge, turned
@@ -92,9 +93,7 @@ def allowed_by(modal: Modal, machine: Machine) -> Tolerance:
     return Tolerance(tip_mm, math.radians(degrees), modal.blend_mm > 0.0)
 
 
-def joined(
-    before: Cut, after: Cut, allowed: Tolerance, machine: Machine, kinematics: Kinematics
-) -> Joint | None:
+def joined(before: Cut, after: Cut, allowed: Tolerance, context: Context) -> Joint | None:
     """The two cuts run through, if they meet within the tolerance and a blend keeps it."""
     end, start = before.end, after.start
     angle, gap = turned(end, start), apart(end.contact, start.contact)
@@ -109,7 +108,7 @@ def joined(
         hollow = after.tool.radius_mm * (1.0 - math.cos(angle))
     across = max(abs(dot(step, end.out)), abs(dot(upper, end.out)))
     within = Tolerance(USED * (allowed.mm - hollow), allowed.rad)
-    found = _Fastest(before, after, within, across, machine, kinematics).passed
+    found = _Fastest(before, after, within, across, context).passed
     if found is None:
         return None
     return Joint(
@@ -155,8 +154,7 @@ class _Fastest:
     after: Cut
     allowed: Tolerance
     gap_mm: float
-    machine: Machine
-    kinematics: Kinematics
+    context: Context
 
     @property
     def passed(self) -> _Passed | None:
@@ -172,7 +170,7 @@ class _Fastest:
 
     def _passed(self, reach_mm: float) -> _Passed | None:
         motions = self.before.motion, self.after.motion
-        pair = _shortened(*motions, reach_mm, self.allowed, self.gap_mm, self.kinematics)
+        pair = _shortened(*motions, reach_mm, self.allowed, self.gap_mm, self.context.kinematics)
         if pair is None:
             return None
         return _Passed(pair, self._slowed(pair, reach_mm), pair.reach_mm < self._reach(reach_mm))
@@ -188,12 +186,12 @@ class _Fastest:
             self.allowed,
             self.gap_mm,
         )
-        name, found = name_of(a.surface, b.surface, *rest, reach_mm), _passed_on(self.machine)
+        name, found = name_of(a.surface, b.surface, *rest, reach_mm), _passed_on(self.context.machine)
         if name not in found:
             if len(found) >= MAX_KNOWN:
                 found.clear()
             blended = _cuts(*bare, pair)
-            found[name] = passing.slowest(blended, bare, pair.reach_mm, self.machine, self.kinematics)
+            found[name] = passing.slowest(blended, bare, pair.reach_mm, self.context)
         return found[name]
 
     def _reach(self, reach_mm: float) -> float:

@@ -12,9 +12,10 @@ from itertools import groupby
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine
 from controller.motion.motions import Rotaries
+from controller.plan.context import Context
 from controller.plan.rotaries import winding
 from controller.plan.rotaries.winding import Row, Turned, Way
-from controller.plan.segment import Diagnostics, rotaries_of
+from controller.plan.segment import rotaries_of
 from controller.plan.surfaces import auto, cuts, legs, train
 from controller.program.program import Aside, Block, CutBlock, JointMotion, ProgramError, TipLine
 
@@ -27,20 +28,18 @@ def choices(
     The least time of the cuts, then the least rotary travel over the whole program from the joints ``start``,
     all joints inside travel. A program that is refused somewhere gives the choices up to there.
     """
-    return winding.choose(_steps(blocks, machine, kinematics, name), rotaries_of(start, kinematics), machine)
+    steps = _steps(blocks, Context.silent(machine, name, kinematics))
+    return winding.choose(steps, rotaries_of(start, kinematics), machine)
 
 
-def _steps(
-    blocks: Iterable[Block], machine: Machine, kinematics: Kinematics, name: str
-) -> Iterator[Row | Turned]:
-    voice = Diagnostics(name, lambda place, sentence: None)  # the path says it all again
+def _steps(blocks: Iterable[Block], context: Context) -> Iterator[Row | Turned]:
     try:
         for is_cut, group in groupby(_moving(blocks), lambda block: isinstance(block, CutBlock)):
             if is_cut:
                 row = (block for block in group if isinstance(block, CutBlock))
-                yield from _rows(row, machine, kinematics, voice)
+                yield from _rows(row, context)
             else:
-                yield from _moves(group, machine)
+                yield from _moves(group, context.machine)
     except ProgramError:  # the path comes to it and refuses it with all that it knows
         return
 
@@ -50,26 +49,22 @@ def _moving(blocks: Iterable[Block]) -> Iterator[Block]:
     return (block for block in blocks if not isinstance(block, Aside))
 
 
-def _rows(
-    blocks: Iterable[CutBlock], machine: Machine, kinematics: Kinematics, voice: Diagnostics
-) -> Iterator[Row]:
-    ready = [cut for block in blocks for cut in auto.build(block, machine, voice)]
-    for members, _ in train.trains(ready, machine, kinematics, voice):
-        yield Row(members[0].block.place.order, _ways(members, machine, kinematics, voice))
+def _rows(blocks: Iterable[CutBlock], context: Context) -> Iterator[Row]:
+    ready = list(auto.build(blocks, context))
+    for members, _ in train.trains(ready, context):
+        yield Row(members[0].block.place.order, _ways(members, context))
 
 
-def _ways(
-    members: Sequence[cuts.Cut], machine: Machine, kinematics: Kinematics, voice: Diagnostics
-) -> Callable[[Rotaries], Sequence[Way]]:
+def _ways(members: Sequence[cuts.Cut], context: Context) -> Callable[[Rotaries], Sequence[Way]]:
     """The branches of a train; followed once, unless they depend on where the rotaries stand."""
-    fields = legs.Fields(members, kinematics)
+    fields = legs.Fields(members, context.kinematics)
     known: list[Way] = []
 
     def ways(near: Rotaries) -> Sequence[Way]:
         if known and not fields.free:
             return known
         try:
-            options = legs.timed(legs.options(fields, machine, near, voice), machine, kinematics)
+            options = legs.timed(legs.options(fields, context, near), context)
         except ProgramError:
             return []
         known[:] = [option.way for option in options]

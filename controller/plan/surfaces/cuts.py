@@ -7,9 +7,9 @@ which the joints change smoothly, as two G52 blocks would.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, NamedTuple, TypeVar
 
 from controller.geometry import arc_length
 from controller.geometry.curves import ArcLength, Bezier, NoLength
@@ -24,12 +24,13 @@ from controller.machine.model import Machine, Tool
 from controller.memory import remembered
 from controller.messages import Key, Message, message
 from controller.motion.motions import SurfaceCut
-from controller.plan.segment import Diagnostics
+from controller.plan.context import Context
 from controller.plan.surfaces import deviation
+from controller.plan.surfaces.axis_curves import joined
 from controller.plan.surfaces.placements import name_of
 from controller.plan.surfaces.placing import CHOSEN_FROM, Cutter, RequiredPlacement, Row, off_mm
 from controller.plan.surfaces.touching import touched
-from controller.program.program import CutBlock, CutCone, CutRuled, GougeRefused, Modal
+from controller.program.program import CutBlock, CutCone, CutRuled, GougeRefused, Modal, ProgramError
 
 FREE = (Strategy.OPTIMAL, Strategy.AUTO)  # leave the ruling: they take any twist
 
@@ -37,6 +38,8 @@ FREE = (Strategy.OPTIMAL, Strategy.AUTO)  # leave the ruling: they take any twis
 REMEMBERED = 256
 SAME_RAD = math.radians(1e-6)  # axes nearer than this are one
 MAX_KNOWN = 20_000
+MAX_TOGETHER = 8  # blocks whose placement is searched as that of one surface
+MEET_MM = 1e-6  # edges that are as near are one
 Share = tuple[float, float]
 T = TypeVar("T")
 
@@ -94,76 +97,142 @@ class Cut:
         return self.block.modal.side.value
 
 
-@dataclass(frozen=True, slots=True)
-class Parts:
-    """The parts of one block, and the cutter for them."""
+class Piece(NamedTuple):
+    """The share of a block, in its u, that one surface of a row is."""
 
     block: CutBlock
+    share: Share
+
+
+@dataclass(frozen=True, slots=True)
+class Parts:
+    """The parts of blocks that are placed together, and the cutter for them."""
+
+    blocks: tuple[CutBlock, ...]
     tool: Tool
     row: Row
-    ruled: tuple[Share, ...]  # of the block, in its u, that each of the row's surfaces is
-    free: tuple[Share, ...]
+    ruled: tuple[Piece, ...]  # what each of the row's surfaces is
+    free: tuple[Piece, ...]
 
     @staticmethod
-    def of(block: CutBlock, surface: Surface, tool: Tool) -> Parts:
-        parts, shares = _parts(block, surface, False)
-        free, free_shares = _parts(block, surface, True)
-        row = Row(parts, parts if shares == free_shares else free, _cutter(block.modal, tool, surface))
-        return Parts(block, tool, row, shares, free_shares)
+    def of(blocks: Sequence[CutBlock], surfaces: Sequence[Surface], tool: Tool) -> Parts:
+        ruled, pieces = _parts(blocks, surfaces, False)
+        free, free_pieces = _parts(blocks, surfaces, True)
+        cutter = _cutter(blocks[0].modal, tool, surfaces)
+        row = Row(ruled, ruled if pieces == free_pieces else free, cutter)
+        return Parts(tuple(blocks), tool, row, pieces, free_pieces)
 
-    def shares(self, placed: Sequence[Surface]) -> tuple[Share, ...]:
-        """The share of the block that each part of a placement is."""
+    def pieces(self, placed: Sequence[Surface]) -> tuple[Piece, ...]:
+        """What each surface of a placement is."""
         return self.free if len(placed) == len(self.free) else self.ruled
 
     def cuts(self, placed: Sequence[Surface], machine: Machine) -> tuple[Cut, ...]:
         """Their cuts, with the cutter as ``placed``; raises ValueError."""
-        return tuple(self._cut(*each, machine) for each in zip(placed, self.shares(placed), strict=True))
+        return tuple(self._cut(*each, machine) for each in zip(placed, self.pieces(placed), strict=True))
 
-    def _cut(self, placed: Surface, part: Share, machine: Machine) -> Cut:
-        frame, tool = self.block.modal.frame(machine), self.tool
+    def _cut(self, placed: Surface, piece: Piece, machine: Machine) -> Cut:
+        frame, tool = piece.block.modal.frame(machine), self.tool
         motion = SurfaceCut(placed, _arc(placed.lower), self.row.cutter.offset_mm, tool.length_mm, frame)
         motion = touched(motion, kinematics_of(machine))
-        return Cut(self.block, tool, motion, edge(motion, 0.0), edge(motion, 1.0), part)
+        return Cut(piece.block, tool, motion, edge(motion, 0.0), edge(motion, 1.0), piece.share)
+
+
+def placed_together(blocks: Iterable[CutBlock], machine: Machine) -> Iterator[list[CutBlock]]:
+    """Consecutive blocks in groups: over the joints inside of one a free axis is led on as over one surface.
+
+    A block that cannot be read raises ProgramError after those before it.
+    """
+    group, unread = list[CutBlock](), iter(blocks)
+    while True:
+        try:
+            block = next(unread, None)
+        except ProgramError:
+            if group:
+                yield group
+            raise
+        if group and (block is None or len(group) == MAX_TOGETHER or not _go_on(group[-1], block, machine)):
+            yield group
+            group = []
+        if block is None:
+            return
+        group.append(block)
+        if _asked_placement(block, machine)[1] not in FREE:
+            yield group
+            group = []
+
+
+def _asked_placement(block: CutBlock, machine: Machine) -> tuple[object, ...]:
+    """What is asked for a block's placement, beside its surface."""
+    modal, tool = block.modal, block.modal.tool_in(machine)
+    if tool is None:
+        return None, None
+    most = tolerance_mm(modal, tool, machine)
+    return tool, strategy(modal, tool, machine), modal.side, modal.allowance_mm, most, modal.frame(machine)
+
+
+def _go_on(before: CutBlock, after: CutBlock, machine: Machine) -> bool:
+    """Whether one surface follows another, both for the same cutter, as if they were one."""
+    if _asked_placement(before, machine) != _asked_placement(after, machine):
+        return False
+    one, other = surface_of(before), surface_of(after)
+    ends = ((surface.lower.at(u), surface.upper.at(u)) for surface, u in ((one, 1.0), (other, 0.0)))
+    if any(apart(a, b) > MEET_MM for a, b in zip(*ends, strict=True)) or len(joined((one, other))) > 1:
+        return False
+    return not _is_exact(before, machine) and not _is_exact(after, machine)
+
+
+def _is_exact(block: CutBlock, machine: Machine) -> bool:
+    """Whether the paper's placement cuts all of a block's surface: an axis of its own would only harm it."""
+    tool = block.modal.tool_in(machine)
+    return tool is not None and Parts.of([block], [surface_of(block)], tool).row.is_exact
 
 
 def build(
-    block: CutBlock,
-    machine: Machine,
-    voice: Diagnostics,
+    blocks: Sequence[CutBlock],
+    context: Context,
     auto: Callable[[Parts], tuple[Surface, ...]],
 ) -> tuple[Cut, ...]:
-    """The cuts of one block, in order; refuses a surface that its cutter cannot cut.
+    """The cuts of blocks that are placed together, in order; refuses a surface that its cutter cannot cut.
 
-    ``auto`` places the parts of one for which that is asked.
+    ``auto`` places the parts of those for which that is asked.
     """
-    tool = block.modal.tool_in(machine)
+    tools = [_cutter_of(block, context) for block in blocks]
+    block, tool, surfaces = blocks[0], tools[0], [surface_of(one) for one in blocks]
+    kind = strategy(block.modal, tool, context.machine)
+    try:
+        parts = Parts.of(blocks, surfaces, tool)
+        placed = auto(parts) if kind is Strategy.AUTO else parts.row.placed(kind)
+        made = parts.cuts(placed, context.machine)
+    except ValueError as error:
+        why = error.said if isinstance(error, NoLength) else str(error)
+        context.refuse(block.place, message("cut.not_travelled", code=code(block), why=why))
+    if kind is Strategy.OPTIMAL and (as_good := _plainer(placed)):
+        for one in blocks:
+            context.tell(one.place, message("note.optimal", as_good=Key(as_good)))
+    return made
+
+
+def _cutter_of(block: CutBlock, context: Context) -> Tool:
+    """The tool that cuts a block; refuses a surface that it cannot cut however it is placed."""
+    machine, tool = context.machine, block.modal.tool_in(context.machine)
     if tool is None:
         known = ", ".join(f"T{t.number}" for t in machine.tools)
-        voice.refuse(block.place, message("cut.no_tool", tool=block.modal.tool, known=known))
+        context.refuse(block.place, message("cut.no_tool", tool=block.modal.tool, known=known))
     surface, kind = surface_of(block), strategy(block.modal, tool, machine)
     found = _defect(surface)
     twisted = found is not None and found.kind is DefectKind.TWIST
     if found is not None and not (twisted and kind in FREE):
         advice = _untwisted(block, surface, tool, machine) if twisted else ""
-        voice.refuse(block.place, described(block, found, advice))
+        context.refuse(block.place, described(block, found, advice))
     if block.modal.allowance_mm < 0.0 and tool.radius_mm + block.modal.allowance_mm <= 0.0:
         cutter = {"tool": tool.number, "radius": tool.radius_mm}
-        voice.refuse(block.place, message("cut.no_radius", allowance=block.modal.allowance_mm, **cutter))
+        context.refuse(block.place, message("cut.no_radius", allowance=block.modal.allowance_mm, **cutter))
     if kind is Strategy.AUTO and tolerance_mm(block.modal, tool, machine) is None:
-        voice.refuse(block.place, message("cut.no_tolerance"))
+        context.refuse(block.place, message("cut.no_tolerance"))
     if not twisted:  # an axis off the ruling meets other curvatures: what it cuts is judged
-        _audit_hollow(block, surface, tool, machine, voice)
-    _tell_flute(block, surface, tool, voice)
-    try:
-        parts = Parts.of(block, surface, tool)
-        placed = auto(parts) if kind is Strategy.AUTO else parts.row.placed(kind)
-        made = parts.cuts(placed, machine)
-    except ValueError as error:
-        why = error.said if isinstance(error, NoLength) else str(error)
-        voice.refuse(block.place, message("cut.not_travelled", code=code(block), why=why))
-    if kind is Strategy.OPTIMAL and (as_good := _plainer(placed)):
-        voice.tell(block.place, message("note.optimal", as_good=Key(as_good)))
-    return made
+        _audit_hollow(block, surface, tool, context)
+    _tell_flute(block, surface, tool, context)
+    return tool
 
 
 def _plainer(placed: Sequence[Surface]) -> str:
@@ -174,28 +243,26 @@ def _plainer(placed: Sequence[Surface]) -> str:
     return "note.double" if any(one.normals_v != AT_LOWER for one in found) else "note.single"
 
 
-def required_placements(block: CutBlock, machine: Machine) -> Iterator[RequiredPlacement]:
-    """The placements that ``build`` will search for a block; none where it refuses it before."""
-    tool = block.modal.tool_in(machine)
-    if tool is None or (kind := strategy(block.modal, tool, machine)) is Strategy.SINGLE:
+def required_placements(blocks: Sequence[CutBlock], machine: Machine) -> Iterator[RequiredPlacement]:
+    """The placements that ``build`` will search for blocks; none where it refuses one before."""
+    modal, tool = blocks[0].modal, blocks[0].modal.tool_in(machine)
+    if tool is None or (kind := strategy(modal, tool, machine)) is Strategy.SINGLE:
         return
-    tolerance = tolerance_mm(block.modal, tool, machine)
-    if kind is Strategy.AUTO and tolerance is None:
+    if kind is Strategy.AUTO and tolerance_mm(modal, tool, machine) is None:
         return
-    surface = surface_of(block)
-    found = _defect(surface)
-    if found is None or (found.kind is DefectKind.TWIST and kind in FREE):
-        row = Parts.of(block, surface, tool).row
-        yield from (
-            RequiredPlacement(row, one) for one in (CHOSEN_FROM[1:] if kind is Strategy.AUTO else (kind,))
-        )
+    surfaces = [surface_of(block) for block in blocks]
+    defects = [found for found in map(_defect, surfaces) if found is not None]
+    if all(found.kind is DefectKind.TWIST and kind in FREE for found in defects):
+        row = Parts.of(blocks, surfaces, tool).row
+        for one in CHOSEN_FROM[1:] if kind is Strategy.AUTO else (kind,):
+            yield RequiredPlacement(row, one)
 
 
-def _cutter(modal: Modal, tool: Tool, surface: Surface) -> Cutter:
+def _cutter(modal: Modal, tool: Tool, surfaces: Sequence[Surface]) -> Cutter:
     """The cutter with a barrel so far down that its middle meets that of the longest ruling."""
     bare, below = tool_profile.flank(tool), tool.below_mm
     if bare.barrel is not None:
-        below = max(below, bare.barrel.middle_mm - bare.begins_mm - 0.5 * _longest(surface))
+        below = max(below, bare.barrel.middle_mm - bare.begins_mm - 0.5 * max(map(_longest, surfaces)))
     return Cutter.of(tool, modal.side.value, modal.allowance_mm, below)
 
 
@@ -229,13 +296,20 @@ def surface_of(block: CutBlock) -> Surface:
     return RuledSurface(upper=block.upper, lower=block.lower)
 
 
-def _parts(block: CutBlock, surface: Surface, free: bool) -> tuple[tuple[Surface, ...], tuple[Share, ...]]:
-    """The smooth parts of a block's surface, each with the share of the block that it is; see ``Row``."""
-    if isinstance(block, CutCone | CutRuled):
-        return (surface,), ((0.0, 1.0),)
-    upper, lower = block.upper.snapped(block.lower.breaks), block.lower
-    shares = tuple(smooth_parts(upper, lower, *((1, 2) if free else (2, 3))))
-    return tuple(RuledSurface(upper.between(*share), lower.between(*share)) for share in shares), shares
+def _parts(
+    blocks: Sequence[CutBlock], surfaces: Sequence[Surface], free: bool
+) -> tuple[tuple[Surface, ...], tuple[Piece, ...]]:
+    """The smooth parts of some blocks' surfaces, each with the piece that it is; see ``Row``."""
+    found = list[tuple[Surface, Piece]]()
+    for block, surface in zip(blocks, surfaces, strict=True):
+        if isinstance(block, CutCone | CutRuled):
+            found.append((surface, Piece(block, (0.0, 1.0))))
+            continue
+        upper, lower = block.upper.snapped(block.lower.breaks), block.lower
+        for share in smooth_parts(upper, lower, *((1, 2) if free else (2, 3))):
+            part = RuledSurface(upper.between(*share), lower.between(*share))
+            found.append((part, Piece(block, share)))
+    return tuple(part for part, _ in found), tuple(piece for _, piece in found)
 
 
 def describe(found: Defect) -> Message:
@@ -255,7 +329,7 @@ def _untwisted(block: CutBlock, surface: Surface, tool: Tool, machine: Machine) 
 
     A surface in several parts is not searched for a refusal: that would take seconds for each of them.
     """
-    parts, kind = Parts.of(block, surface, tool), strategy(block.modal, tool, machine)
+    parts, kind = Parts.of([block], [surface], tool), strategy(block.modal, tool, machine)
     if len(parts.free) > 1:
         return message("cut.try_free")
     own, best = (off_mm(parts.row, one) for one in (kind, Strategy.OPTIMAL))
@@ -267,9 +341,7 @@ def _untwisted(block: CutBlock, surface: Surface, tool: Tool, machine: Machine) 
     return message("cut.none_found", tool=tool.number, best=min(own, best), allowed=allowed)
 
 
-def _audit_hollow(
-    block: CutBlock, surface: Surface, tool: Tool, machine: Machine, voice: Diagnostics
-) -> None:
+def _audit_hollow(block: CutBlock, surface: Surface, tool: Tool, context: Context) -> None:
     """A cutter that does not fit into the hollow of its side cuts away what it must leave (gouge)."""
     side = block.modal.side
     radius, u = _concave_radius(surface, side.value)
@@ -286,18 +358,17 @@ def _audit_hollow(
             ),
             message("gouge.fit_hollow", hollow=radius),
             block,
-            machine,
-            voice,
+            context,
         )
 
 
-def _tell_flute(block: CutBlock, surface: Surface, tool: Tool, voice: Diagnostics) -> None:
+def _tell_flute(block: CutBlock, surface: Surface, tool: Tool, context: Context) -> None:
     """A note where the longest ruling is longer than what the flank cuts."""
     longest = _longest(surface)
     if longest > (bare := tool_profile.flank_mm(tool)):
         flute = {"flute": tool.flute_mm, "flank": bare}
         told = message("note.flute", tool=tool.number, longest=longest, **flute)
-        voice.tell(block.place, told)
+        context.tell(block.place, told)
 
 
 def _longest(surface: Surface) -> float:
@@ -305,12 +376,12 @@ def _longest(surface: Surface) -> float:
     return max(float(norm(surface.ruling(i / 64.0))) for i in range(65))
 
 
-def gouge(what: Message, advice: Message, block: CutBlock, machine: Machine, voice: Diagnostics) -> None:
+def gouge(what: Message, advice: Message, block: CutBlock, context: Context) -> None:
     """Refuse what cuts into the part, or only note it where the machine file says gouge = "warn"."""
-    if machine.gouge == "refuse":
+    if context.machine.gouge == "refuse":
         why = message("gouge.refused", what=what, advice=advice, more="")
-        raise block.place.refusal(voice.program, why, GougeRefused)
-    voice.tell(block.place, message("gouge.told", what=what, advice=advice))
+        raise block.place.refusal(context.program, why, GougeRefused)
+    context.tell(block.place, message("gouge.told", what=what, advice=advice))
 
 
 def flank(cut: Cut) -> deviation.Standing:

@@ -29,8 +29,9 @@ from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine, Tool
 from controller.messages import message
 from controller.motion.motions import Rotaries, ToolSpline
+from controller.plan.context import Context
 from controller.plan.rotaries.branch import joints_along
-from controller.plan.segment import Diagnostics, Segment, joints_of, motion_named, rotaries_of, straight
+from controller.plan.segment import Segment, joints_of, motion_named, rotaries_of, straight
 from controller.plan.surfaces import audit, rates
 from controller.plan.surfaces.cuts import Edge, beside, gouge, tolerance_mm
 from controller.plan.surfaces.legs import CutSegment
@@ -85,19 +86,17 @@ class Lead:
     rotaries: Rotaries
 
 
-def lay(
-    legs: Sequence[CutSegment], at_start: bool, machine: Machine, kinematics: Kinematics, voice: Diagnostics
-) -> Lead:
+def lay(legs: Sequence[CutSegment], at_start: bool, context: Context) -> Lead:
     """The longest lead that stays outside of the train's surfaces and in travel; none where ``lead_mm`` is 0.
 
     Refuses (or tells, where the machine is to warn only) what would cut into them in any case.
     """
     leg = legs[0 if at_start else -1]
-    end = End.of(leg, at_start, machine, kinematics)
-    if machine.lead_mm <= 0.0:
+    end = End.of(leg, at_start, context)
+    if context.machine.lead_mm <= 0.0:
         return end.standing(())
-    free = Room.of(legs, at_start, machine, kinematics)
-    found = free.best(end.joined(machine), lambda lead: end.feed_share(lead, machine))
+    free = Room.of(legs, at_start, context)
+    found = free.best(end.joined(context.machine), lambda lead: end.feed_share(lead, context.machine))
     if found is not None:
         return end.led(found)
     off = end.straight_off()
@@ -106,13 +105,14 @@ def lay(
     reached = free.reached(off)
     if reached > OVERCUT_MM:
         gouge(
-            message("gouge.lead", lead=motion_named(off.name), length=machine.lead_mm, reached=reached),
+            message(
+                "gouge.lead", lead=motion_named(off.name), length=context.machine.lead_mm, reached=reached
+            ),
             message("gouge.shorter_lead"),
             leg.cut.block,
-            machine,
-            voice,
+            context,
         )
-    voice.tell(leg.cut.block.place, message("lead.rests", lead=motion_named(off.name)))
+    context.tell(leg.cut.block.place, message("lead.rests", lead=motion_named(off.name)))
     return end.led(off)
 
 
@@ -148,13 +148,13 @@ class End:
     most: float = math.inf
 
     @staticmethod
-    def of(leg: CutSegment, at_start: bool, machine: Machine, kinematics: Kinematics) -> End:
+    def of(leg: CutSegment, at_start: bool, context: Context) -> End:
         """That of a cut."""
         segment = leg.segment
         s, q = (0.0, segment.start) if at_start else (segment.motion.end, segment.end)
         edge = leg.cut.start if at_start else leg.cut.end
-        off_mm, length_mm = _off_mm(leg, machine), leg.cut.motion.length_mm
-        return End.at(segment, s, q, edge, off_mm, length_mm, at_start, kinematics)
+        off_mm, length_mm = _off_mm(leg, context.machine), leg.cut.motion.length_mm
+        return End.at(segment, s, q, edge, off_mm, length_mm, at_start, context.kinematics)
 
     @staticmethod
     def at(
@@ -382,24 +382,23 @@ class Room:
     allowed_mm: float
     more_mm: float  # than that: where going on costs what the twist does, within the form tolerance
     most_mm: float  # likewise, where no lead keeps to that
-    machine: Machine
-    kinematics: Kinematics
+    context: Context
 
     @staticmethod
-    def of(legs: Sequence[CutSegment], at_start: bool, machine: Machine, kinematics: Kinematics) -> Room:
+    def of(legs: Sequence[CutSegment], at_start: bool, context: Context) -> Room:
         cut = legs[0 if at_start else -1].cut
         points, allowed = audit.surface_points([leg.cut for leg in legs]), 0.0
         if cut.tool.radius_mm > 0.0:
-            reach = machine.lead_mm + 2.0 * cut.tool.radius_mm
+            reach = context.machine.lead_mm + 2.0 * cut.tool.radius_mm
             allowed = audit.depth_near(cut, audit.surface_points([cut]), at_start, reach)
-            allowed += kinematics.lean_rad * norm(cut.motion.surface.ruling(0.0 if at_start else 1.0))
+            allowed += context.kinematics.lean_rad * norm(cut.motion.surface.ruling(0.0 if at_start else 1.0))
         more = most = MORE * allowed
-        tolerance = tolerance_mm(cut.block.modal, cut.tool, machine)
+        tolerance = tolerance_mm(cut.block.modal, cut.tool, context.machine)
         if tolerance is not None and allowed < tolerance:
             left = tolerance - SPARE_MM - allowed
             more, most = min(more, left), min(max(allowed, AGAIN * left), OF_REST * left)
         more = max(CLEAR_MM, more)
-        return Room(cut.tool, points, allowed, more, max(more, most), machine, kinematics)
+        return Room(cut.tool, points, allowed, more, max(more, most), context)
 
     def lets(self, one: Segment) -> bool:
         """Whether it stays in travel and hardly reaches deeper than the cut."""
@@ -430,18 +429,18 @@ class Room:
     def _reached_in_travel(self, lead: Segment) -> float:
         """Likewise; infinite where it leaves an axis' travel."""
         s, joints = self._along(lead)
-        outside = audit.outside(self.machine, s, joints) is not None
+        outside = audit.outside(self.context.machine, s, joints) is not None
         return math.inf if outside else self._reached(joints)
 
     def _along(self, lead: Segment) -> tuple[Array, Array]:
         """Where it is looked at, and the joints (N, axes) there."""
         s = np.linspace(0.0, lead.motion.end, POSES)
-        return s, joints_along(lead, s, self.kinematics)
+        return s, joints_along(lead, s, self.context.kinematics)
 
     def _reached(self, joints: Array) -> float:
         if self.tool.radius_mm <= 0.0:
             return 0.0
-        pose = self.kinematics.forward(tuple(joints.T), self.tool.length_mm, np)
+        pose = self.context.kinematics.forward(tuple(joints.T), self.tool.length_mm, np)
         tips, axes = (np.array([np.broadcast_to(c, joints.shape[:1]) for c in v]) for v in pose)
         depth = audit.depth(self.points, tips, axes, self.tool)
         return depth - self.allowed_mm

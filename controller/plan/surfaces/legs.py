@@ -15,10 +15,11 @@ from controller.machine.kinematics import Kinematics
 from controller.machine.model import Kind, Machine
 from controller.messages import Key, message
 from controller.motion.motions import Rotaries
+from controller.plan.context import Context
 from controller.plan.rotaries.branch import BranchLost, Field, field, joints_on
 from controller.plan.rotaries.turns import wrapped
 from controller.plan.rotaries.winding import Way
-from controller.plan.segment import Diagnostics, Segment
+from controller.plan.segment import Segment
 from controller.plan.surfaces import audit, rates
 from controller.plan.surfaces.cuts import Cut, turn
 from controller.program.program import ProgramError
@@ -97,12 +98,10 @@ class Option:
         return [leg.shifted(machine, by) for leg in self.legs]
 
 
-def options(
-    fields: Fields, machine: Machine, near: Rotaries, voice: Diagnostics, whole: bool = False
-) -> list[Option]:
+def options(fields: Fields, context: Context, near: Rotaries, whole: bool = False) -> list[Option]:
     """The train followed from each branch of its start; refuses where neither can be followed."""
-    found = [_Followed(machine), _Followed(machine)]
-    ways = [_followed(fields, branch, near, voice) for branch in (0, 1)]
+    found = [_Followed(context.machine), _Followed(context.machine)]
+    ways = [_followed(fields, branch, near, context) for branch in (0, 1)]
     for _ in fields.cuts:  # both side by side, so that a field is solved once
         for one, way in zip(found, ways, strict=True):
             one.take(way, whole)
@@ -111,11 +110,11 @@ def options(
     return [Option(tuple(one.legs), one.way()) for one in found if one.refusal is None]
 
 
-def timed(found: Sequence[Option], machine: Machine, kinematics: Kinematics) -> list[Option]:
+def timed(found: Sequence[Option], context: Context) -> list[Option]:
     """The options with by how much each is slower than the other, where there are two to choose from."""
     if sum(option.way.inside for option in found) < 2:
         return list(found)
-    seconds = [_cut_s(option.legs, machine, kinematics) for option in found]
+    seconds = [_cut_s(option.legs, context) for option in found]
     least = min(seconds)
     slower = [each - least if each > SAME_TIME * least else 0.0 for each in seconds]
     return [
@@ -124,18 +123,18 @@ def timed(found: Sequence[Option], machine: Machine, kinematics: Kinematics) -> 
     ]
 
 
-def _cut_s(legs: Sequence[CutSegment], machine: Machine, kinematics: Kinematics) -> float:
+def _cut_s(legs: Sequence[CutSegment], context: Context) -> float:
     """About the time (s) of a train's cuts, which begin and end as fast as they may.
 
     At the feed, or at what the joints' limits leave of it; from place to place no faster than one of them
     can gain or lose speed.
     """
-    velocity, acceleration, jerk = rates.limits(machine).T
+    velocity, acceleration, jerk = rates.limits(context.machine).T
     speeds, gains, ways = list[float](), list[float](), list[float]()
     for leg in legs:
         segment = leg.segment
         s = np.linspace(0.0, segment.motion.end, PLACES)
-        d = rates.derivatives(segment, s, kinematics)
+        d = rates.derivatives(segment, s, context.kinematics)
         most = np.minimum(segment.feed_at(s), d.even_speed(velocity, acceleration, jerk))
         speeds += most.tolist()
         gains += (acceleration / (np.abs(d.first) + TINY)).min(axis=1).tolist()
@@ -154,7 +153,7 @@ def _reachable(speeds: Sequence[float], gains: Sequence[float], ways: Sequence[f
     return found
 
 
-def _followed(fields: Fields, branch: int, near: Rotaries, voice: Diagnostics) -> Iterator[CutSegment]:
+def _followed(fields: Fields, branch: int, near: Rotaries, context: Context) -> Iterator[CutSegment]:
     for i, cut in enumerate(fields.cuts):
         try:
             if i:
@@ -164,7 +163,7 @@ def _followed(fields: Fields, branch: int, near: Rotaries, voice: Diagnostics) -
             rotaries = found.follow(start)
         except BranchLost as lost:
             where = audit.at_place(cut, lost.u)
-            voice.refuse(cut.block.place, message("reach.lost", reason=Key(lost.reason), where=where))
+            context.refuse(cut.block.place, message("reach.lost", reason=Key(lost.reason), where=where))
         leg = CutSegment(cut, found.u, rotaries, joints_on(cut.motion, found.u, rotaries, fields.kinematics))
         near = leg.end
         yield leg

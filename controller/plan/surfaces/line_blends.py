@@ -23,12 +23,12 @@ from controller.geometry import series
 from controller.geometry.arrays import Array
 from controller.geometry.placement import Blend
 from controller.geometry.vectors import angle_between, norm, subtract
-from controller.machine.kinematics import Kinematics
-from controller.machine.model import Joints, Machine
+from controller.machine.model import Joints
 from controller.messages import Key, Message, message
 from controller.motion.motions import ROW, SurfaceCut, ToolSpline
+from controller.plan.context import Context
 from controller.plan.rotaries.branch import joints_along
-from controller.plan.segment import Diagnostics, Segment, rotaries_of
+from controller.plan.segment import Segment, rotaries_of
 from controller.plan.surfaces import audit, rates
 from controller.plan.surfaces.blending import (
     CLEAR_OF_POLE,
@@ -83,24 +83,17 @@ def _last_line(segment: Segment) -> int:
     return motion.lines[-1] if isinstance(motion, ToolSpline) else segment.place.line
 
 
-def onto(
-    row: Segment,
-    modal: Modal,
-    members: Sequence[Cut],
-    machine: Machine,
-    kinematics: Kinematics,
-    voice: Diagnostics,
-) -> Entered | None:
+def onto(row: Segment, modal: Modal, members: Sequence[Cut], context: Context) -> Entered | None:
     """The last segment of a row and the train that it leads to; None where they do not meet so."""
     first, legs = members[0], list[CutSegment]()
-    meeting, near = _meeting(row, modal, first, False, machine, kinematics), rotaries_of(row.end, kinematics)
+    meeting, near = _meeting(row, modal, first, False, context), rotaries_of(row.end, context.kinematics)
     if meeting is None:
         return None
 
     def follow(motion: SurfaceCut) -> Segment | None:
         led = replace(first, motion=motion, start=edge(motion, 0.0))
         try:
-            legs[:] = choose((led, *members[1:]), machine, kinematics, near, voice, near, meeting.turn_rad)
+            legs[:] = choose((led, *members[1:]), context, near, near, meeting.turn_rad)
         except ProgramError:  # it may be cut from where an approach leads
             return None
         return legs[0].segment
@@ -108,68 +101,50 @@ def onto(
     found = meeting.blended(follow)
     if found is None:
         return None
-    voice.tell(first.block.place, found.message("row.the_line", row))
+    context.tell(first.block.place, found.message("row.the_line", row))
     return Entered(found.row, legs)
 
 
 def off(
-    legs: Sequence[CutSegment],
-    run: Sequence[Segment],
-    row: Segment,
-    modal: Modal,
-    machine: Machine,
-    kinematics: Kinematics,
-    voice: Diagnostics,
+    legs: Sequence[CutSegment], run: Sequence[Segment], row: Segment, modal: Modal, context: Context
 ) -> Blended | None:
     """The last cut of a train and the first segment of the row that begins at its end, led over."""
-    found = _left(legs, run, row, modal, machine, kinematics)
+    found = _left(legs, run, row, modal, context)
     if found is not None:
-        voice.tell(row.place, found.message("row.the_block", run[-1]))
+        context.tell(row.place, found.message("row.the_block", run[-1]))
     return found
 
 
 def departs(
-    legs: Sequence[CutSegment],
-    run: Sequence[Segment],
-    row: Sequence[Segment],
-    modal: Modal,
-    machine: Machine,
-    kinematics: Kinematics,
+    legs: Sequence[CutSegment], run: Sequence[Segment], row: Sequence[Segment], modal: Modal, context: Context
 ) -> Message | str | None:
     """Why a row that begins so does not lead on from the last cut; None: it does, empty: it is not to."""
     if not row:
         return message("row.unreached")
-    meeting = _meeting(row[0], modal, legs[-1].cut, True, machine, kinematics)
+    meeting = _meeting(row[0], modal, legs[-1].cut, True, context)
     if meeting is None:
         return ""
-    if _left(legs, run, row[0], modal, machine, kinematics) is None:
+    if _left(legs, run, row[0], modal, context) is None:
         return meeting.unmet
     deeper, most = (
-        Room.of(legs, False, machine, kinematics).reached(row[0]),
+        Room.of(legs, False, context).reached(row[0]),
         legs[-1].cut.block.modal.blend_mm,
     )
     return message("row.deeper", deeper=deeper, mm=most) if deeper > most else None
 
 
 def _left(
-    legs: Sequence[CutSegment],
-    run: Sequence[Segment],
-    row: Segment,
-    modal: Modal,
-    machine: Machine,
-    kinematics: Kinematics,
+    legs: Sequence[CutSegment], run: Sequence[Segment], row: Segment, modal: Modal, context: Context
 ) -> Blended | None:
     def follow(motion: SurfaceCut) -> Segment | None:
-        end = motion.joints(motion.end, rotaries_of(run[-1].end, kinematics), kinematics)
+        end = motion.joints(motion.end, rotaries_of(run[-1].end, context.kinematics), context.kinematics)
         return replace(run[-1], motion=motion, end=end) if end is not None else None
 
-    meeting = _meeting(row, modal, legs[-1].cut, True, machine, kinematics)
+    meeting = _meeting(row, modal, legs[-1].cut, True, context)
     return meeting.blended(follow) if meeting is not None else None
 
 
-def _meeting(
-    row: Segment, modal: Modal, cut: Cut, leaves: bool, machine: Machine, kinematics: Kinematics
-) -> Meeting | None:
+def _meeting(row: Segment, modal: Modal, cut: Cut, leaves: bool, context: Context) -> Meeting | None:
     """None where they are not one path: another tool, exact stops, or another place."""
     own = cut.block.modal
     if (
@@ -179,9 +154,9 @@ def _meeting(
         or not isinstance(row.motion, ToolSpline)
     ):
         return None
-    one, other = (allowed_by(each, machine) for each in (own, modal))
+    one, other = (allowed_by(each, context.machine) for each in (own, modal))
     allowed = Tolerance(min(one.mm, other.mm), min(one.rad, other.rad))
-    made = Meeting(row, cut, leaves, allowed, machine, kinematics)
+    made = Meeting(row, cut, leaves, allowed, context)
     return made if made.within else None
 
 
@@ -216,14 +191,13 @@ class Meeting:
     cut: Cut
     leaves: bool
     allowed: Tolerance
-    machine: Machine
-    kinematics: Kinematics
+    context: Context
 
     @property
     def within(self) -> bool:
         """Whether the row has the tool there as the cut has it, within the tolerance."""
         there = self.cut.end if self.leaves else self.cut.start
-        here = self.kinematics.forward(self._joints, self.cut.motion.length_mm)
+        here = self.context.kinematics.forward(self._joints, self.cut.motion.length_mm)
         gap, tilt = norm(subtract(here.tip, there.tip)), norm(subtract(here.axis, there.axis))
         return self._keeps(float(gap + tilt * self._height_mm), float(tilt))
 
@@ -284,7 +258,7 @@ class Meeting:
         if tilt <= SAME_AXIS:
             return True
         axes = self._flank_of(self.cut.motion, reach, LOOKED).axes
-        return float(np.min(self.kinematics.off_pole(tuple(axes.T), np))) > CLEAR_OF_POLE * tilt
+        return float(np.min(self.context.kinematics.off_pole(tuple(axes.T), np))) > CLEAR_OF_POLE * tilt
 
     @property
     def turn_rad(self) -> float:
@@ -325,29 +299,31 @@ class Meeting:
     def _pose_rows(self) -> Array:
         """Tip and axis there in the cut's part frame, with two derivatives over the row's s: (3, 6)."""
         part = self.cut.motion.part
-        joints = rates.joint_series(self.row, self._at_s, self._joints, self.kinematics)
-        tip, axis = self.kinematics.forward(joints, self.cut.motion.length_mm, series)
+        joints = rates.joint_series(self.row, self._at_s, self._joints, self.context.kinematics)
+        tip, axis = self.context.kinematics.forward(joints, self.cut.motion.length_mm, series)
         return _rows((*part.from_parent(tip), *part.turn_back(axis)))
 
     def _spline_rows(self, segment: Segment, s: float, joints: Joints) -> Array:
         """What the row's spline is made of, at ``s`` of a segment with two derivatives: (3, 5)."""
-        found = rates.joint_series(segment, s, joints, self.kinematics)
-        x, y, z, *turns = self.kinematics.spread(found)
+        found = rates.joint_series(segment, s, joints, self.context.kinematics)
+        x, y, z, *turns = self.context.kinematics.spread(found)
         if self._spline.tips:
-            x, y, z = self.kinematics.forward(found, self._spline.length_mm, series).tip
+            x, y, z = self.context.kinematics.forward(found, self._spline.length_mm, series).tip
         return _rows((x, y, z, *turns))
 
     def _row_at(self, away: float) -> tuple[float, Joints]:
         """The place so far from where they meet, in the row's s, and the joints there."""
         s = away if self.leaves else self._spline.end - away
-        found = self._spline.joints(s, rotaries_of(self._joints, self.kinematics), self.kinematics)
+        found = self._spline.joints(
+            s, rotaries_of(self._joints, self.context.kinematics), self.context.kinematics
+        )
         assert found is not None
         return s, found
 
     def _led(self, cut: Segment, reach: float) -> Segment | None:
         """The row with cubics for its ``reach`` (mm of the tip) beside the cut; None out of travel."""
         joint, end = (cut.end, cut.motion.end) if self.leaves else (cut.start, 0.0)
-        turned = zip(*(rotaries_of(q, self.kinematics) for q in (joint, self._joints)), strict=True)
+        turned = zip(*(rotaries_of(q, self.context.kinematics) for q in (joint, self._joints)), strict=True)
         if max(abs(a - b) for a, b in turned) > self.turn_rad:
             return None  # another branch, or beside a pole
         inner = self._spline_rows(cut, end, joint)
@@ -362,8 +338,8 @@ class Meeting:
         return led if self._in_travel(led, length) else None
 
     def _tip_rate(self, cut: Segment, s: float, joints: Joints) -> float:
-        found = rates.joint_series(cut, s, joints, self.kinematics)
-        tip = self.kinematics.forward(found, self.cut.motion.length_mm, series).tip
+        found = rates.joint_series(cut, s, joints, self.context.kinematics)
+        tip = self.context.kinematics.forward(found, self.cut.motion.length_mm, series).tip
         return float(np.linalg.norm(_rows(tip)[1]))
 
     def _middle(self, inner: Array, size: float, per: float) -> Array:
@@ -382,7 +358,7 @@ class Meeting:
 
     def _in_travel(self, led: Segment, length: float) -> bool:
         s = np.linspace(0.0, length, LOOKED) + (0.0 if self.leaves else led.motion.end - length)
-        return audit.outside(self.machine, s, joints_along(led, s, self.kinematics)) is None
+        return audit.outside(self.context.machine, s, joints_along(led, s, self.context.kinematics)) is None
 
     # ---- what it costs -----------------------------------------------------------------
 
@@ -401,8 +377,8 @@ class Meeting:
     def _flank_on(self, row: Segment, size: float, count: int) -> Flank:
         """Beside the cut as far as ``size`` of s, from there on."""
         away = np.linspace(0.0, size, count)
-        joints = joints_along(row, away if self.leaves else row.motion.end - away, self.kinematics)
-        pose = self.kinematics.forward(tuple(joints.T), self.cut.motion.length_mm, np)
+        joints = joints_along(row, away if self.leaves else row.motion.end - away, self.context.kinematics)
+        pose = self.context.kinematics.forward(tuple(joints.T), self.cut.motion.length_mm, np)
         return self._flank(pose.tip, pose.axis, count)
 
     def _flank_of(self, cut: SurfaceCut, reach: float, count: int) -> Flank:

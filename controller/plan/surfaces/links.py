@@ -19,8 +19,8 @@ import numpy as np
 
 from controller.geometry.arrays import Array
 from controller.geometry.vectors import norm, subtract
-from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine
+from controller.plan.context import Context
 from controller.plan.segment import Segment
 from controller.plan.surfaces import rates
 from controller.plan.surfaces.cuts import Cut
@@ -51,9 +51,7 @@ def _alike(before: Cut, after: Cut) -> bool:
     return same and not (one.exact_joints or other.exact_joints)
 
 
-def lay(
-    before: Sequence[CutSegment], after: Sequence[CutSegment], machine: Machine, kinematics: Kinematics
-) -> Segment | None:
+def lay(before: Sequence[CutSegment], after: Sequence[CutSegment], context: Context) -> Segment | None:
     """The link furthest off the straight way that stays out of both trains and in travel, if there is one.
 
     Of those the first at the feed of the cuts, else the one that is the least slower. None where a rotary
@@ -61,19 +59,19 @@ def lay(
     """
     if max(abs(p - q) for p, q in zip(before[-1].end, after[0].start, strict=True)) > MAX_TURN_RAD:
         return None
-    ends = End.of(before[-1], False, machine, kinematics), End.of(after[0], True, machine, kinematics)
+    ends = End.of(before[-1], False, context), End.of(after[0], True, context)
     if not all(np.isfinite(end.rows).all() for end in ends):
         return None
-    rooms = Room.of(before, False, machine, kinematics), Room.of(after, True, machine, kinematics)
-    found = [one for one in _tried(*ends, machine) if all(room.lets(one) for room in rooms)]
+    rooms = Room.of(before, False, context), Room.of(after, True, context)
+    found = [one for one in _tried(*ends, context.machine) if all(room.lets(one) for room in rooms)]
     slow = min(end.feed_mm_s for end in ends)
-    return min(found, key=lambda one: max(1.0, _strain(one, slow, machine, kinematics)), default=None)
+    return min(found, key=lambda one: max(1.0, _strain(one, slow, context)), default=None)
 
 
-def _strain(link: Segment, feed_mm_s: float, machine: Machine, kinematics: Kinematics) -> float:
+def _strain(link: Segment, feed_mm_s: float, context: Context) -> float:
     """The largest share of the joints' limits that the link takes at a feed; above 1 it is to be slower."""
-    d = rates.derivatives(link, np.linspace(0.0, link.motion.end, POSES), kinematics)
-    shares = zip((d.first, d.second, d.third), rates.limits(machine).T, strict=True)
+    d = rates.derivatives(link, np.linspace(0.0, link.motion.end, POSES), context.kinematics)
+    shares = zip((d.first, d.second, d.third), rates.limits(context.machine).T, strict=True)
     roots = ((np.abs(q) / most).max() ** (1.0 / order) for order, (q, most) in enumerate(shares, 1))
     return float(feed_mm_s * max(roots))
 

@@ -12,6 +12,7 @@ from controller.geometry.arrays import Array
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Axis, Machine
 from controller.motion.motions import SurfaceCut
+from controller.plan.context import Context
 from controller.plan.rotaries.branch import BranchLost, field, joints_on
 from controller.plan.segment import Segment
 from controller.plan.surfaces import rates
@@ -37,33 +38,31 @@ class Slowest(NamedTuple):
     limit: str  # one of ``KINDS``
 
 
-def slowest(
-    pair: Pair, bare: Pair, reach_mm: float, machine: Machine, kinematics: Kinematics
-) -> Slowest | None:
+def slowest(pair: Pair, bare: Pair, reach_mm: float, context: Context) -> Slowest | None:
     """Within ``reach_mm`` of the joint of two cuts that are blended, ``bare`` without that.
 
     None where the blend costs nothing: at the feed, or as fast as the surfaces themselves allow.
     """
-    found = _beside(pair, reach_mm, kinematics)
+    found = _beside(pair, reach_mm, context.kinematics)
     if not found:
         return None
-    feed, rows = pair[1].block.feed_mm_s, _allowed(found, machine)
-    at_kink = _over_kink(found, machine)
+    feed, rows = pair[1].block.feed_mm_s, _allowed(found, context.machine)
+    at_kink = _over_kink(found, context.machine)
     if at_kink.mm_s < min(TOLD * feed, float(rows.min())):
         return at_kink._replace(share=at_kink.mm_s / feed)
     if rows.min() >= TOLD * feed:
         return None
     speeds, most = rows.min(axis=(1, 3)), np.array(feed)
-    own = _beside(bare, reach_mm, kinematics)
+    own = _beside(bare, reach_mm, context.kinematics)
     if own:
-        most = np.minimum(feed, _allowed(own, machine).min(axis=(1, 3)))
+        most = np.minimum(feed, _allowed(own, context.machine).min(axis=(1, 3)))
     share = speeds / most
     side, place = np.unravel_index(int(share.argmin()), share.shape)
     if share[side, place] >= TOLD:
         return None
     here = rows[side, :, place]
     kind, axis = np.unravel_index(int(here.argmin()), here.shape)
-    return Slowest(float(share.min()), float(here.min()), machine.axes[axis].name, KINDS[kind])
+    return Slowest(float(share.min()), float(here.min()), context.machine.axes[axis].name, KINDS[kind])
 
 
 def _allowed(found: list[Derivatives], machine: Machine) -> Array:
@@ -89,20 +88,20 @@ def _steps(machine: Machine) -> Array:
     return np.array([[one.acceleration * period for one in limits], [one.jerk * period**2 for one in limits]])
 
 
-def at_kink(pair: Pair, machine: Machine, kinematics: Kinematics) -> Slowest | None:
+def at_kink(pair: Pair, context: Context) -> Slowest | None:
     """What the contact slows down to where the rates jump; None where that is too short to be seen.
 
     The step of the joints' rates has to fit into one tick, so it is hardly passed at all. To slow down
     to nearly nothing and to speed up again each take 2 sqrt(F / j), of which half is lost.
     """
-    found = _beside(pair, 0.0, kinematics)
+    found = _beside(pair, 0.0, context.kinematics)
     if not found:
         return None
     a, b = (d.first[0] for d in found)
-    limits, feed = [axis.limits for axis in machine.axes], pair[1].block.feed_mm_s
+    limits, feed = [axis.limits for axis in context.machine.axes], pair[1].block.feed_mm_s
     jerk = min(one.jerk / max(abs(p), abs(q), 1e-9) for one, p, q in zip(limits, a, b, strict=True))
-    slowed = bool((np.abs(b - a) * feed * PASSED > _steps(machine)).any())
-    return _over_kink(found, machine) if slowed and 2.0 * math.sqrt(feed / jerk) > SEEN_S else None
+    slowed = bool((np.abs(b - a) * feed * PASSED > _steps(context.machine)).any())
+    return _over_kink(found, context.machine) if slowed and 2.0 * math.sqrt(feed / jerk) > SEEN_S else None
 
 
 def _beside(pair: Pair, reach_mm: float, kinematics: Kinematics) -> list[Derivatives]:

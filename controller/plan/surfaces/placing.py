@@ -85,6 +85,11 @@ class Row:
             _plain(one, self.cutter) if b is None else b for one, b in zip(self.ruled, better, strict=True)
         )
 
+    @property
+    def is_exact(self) -> bool:
+        """Whether the paper's placement cuts all of it."""
+        return all(_single_is_exact(one, self.cutter) for one in self.free)
+
     def known(self, strategy: Strategy, *asked: object) -> tuple[Placed, ...] | None:
         """What has been learnt of a placement."""
         for parts in (self.free, self.ruled):
@@ -156,15 +161,21 @@ def _plain(surface: Surface, cutter: Cutter) -> Surface:
 
 
 @remembered(256)
+def _single_is_exact(surface: Surface, cutter: Cutter) -> bool:
+    single = _Judge(as_the_paper(surface, cutter))
+    return single.inner(single.placed) < SAME_MM
+
+
+@remembered(256)
 def _double(surface: Surface, cutter: Cutter) -> Placed | None:
     """The best pair of points, as a check has kept it, or found now; None where the paper's is exact."""
     name = placements.name_of(surface, cutter, Strategy.DOUBLE)
     kept = placements.known(name)
     if kept is not None:
         return kept.on(surface, name)
-    single = _Judge(as_the_paper(surface, cutter))
-    if single.inner(single.placed) < SAME_MM:
+    if _single_is_exact(surface, cutter):
         return None
+    single = _Judge(as_the_paper(surface, cutter))
     found = min(_doubles(single), key=single.inner)
     if single.inner(found) >= single.inner(single.placed):
         return replace(single.placed, name=name)

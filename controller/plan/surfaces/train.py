@@ -12,13 +12,11 @@ from collections.abc import Iterator, Sequence
 from enum import Enum
 from typing import Any, NamedTuple
 
-from controller.machine.kinematics import Kinematics
-from controller.machine.model import Machine
 from controller.messages import Key, Message, chain, message
 from controller.motion.motions import Rotaries
+from controller.plan.context import Context
 from controller.plan.rotaries import winding
 from controller.plan.rotaries.turns import SAME_ROTARY_RAD
-from controller.plan.segment import Diagnostics
 from controller.plan.surfaces import audit, blending, blends, passing, unwind
 from controller.plan.surfaces.cuts import SAME_RAD, Cut, apart, turn, turned, turned_axis
 from controller.plan.surfaces.legs import CutSegment, Fields, options, timed
@@ -46,20 +44,20 @@ class Met(NamedTuple):
     after: Cut
 
 
-def meet(before: Cut, after: Cut, machine: Machine, kinematics: Kinematics, voice: Diagnostics) -> Met:
+def meet(before: Cut, after: Cut, context: Context) -> Met:
     """Whether two blocks run through, pivot or need a departure; refuses a concave corner."""
-    met = _met(before, after, machine, kinematics, voice)
+    met = _met(before, after, context)
     name = message("join.block", line=before.block.place.line)
     if before.block is after.block:
         if met.meeting is Meeting.JOIN:
             return met
         name = message("join.own_part", u=after.part[0])
     told = Message(key=met.told["key"], values={**met.told["values"], "name": name})
-    voice.tell(after.block.place, told)
+    context.tell(after.block.place, told)
     return met
 
 
-def _met(before: Cut, after: Cut, machine: Machine, kinematics: Kinematics, voice: Diagnostics) -> Met:
+def _met(before: Cut, after: Cut, context: Context) -> Met:
     a, b = before.block.modal, after.block.modal
     differ = [
         Key(key)
@@ -76,35 +74,29 @@ def _met(before: Cut, after: Cut, machine: Machine, kinematics: Kinematics, voic
     gap, tilt = apart(end.contact, start.contact), apart(end.ruling, start.ruling)
     shared = tilt <= SAME_RAD and gap <= SAME_MM
     agree = shared and apart(end.tip, start.tip) <= SAME_MM and apart(end.axis, start.axis) <= SAME_RAD
-    allowed = blending.tolerance(before, after, machine)
+    allowed = blending.tolerance(before, after, context.machine)
     joint = None
     may_blend = allowed.creases or not shared or blending.is_rounding(before, after, allowed)
-    if may_blend and (not agree or _to_be_blended(before, after, allowed, machine, kinematics)):
-        joint = blending.joined(before, after, allowed, machine, kinematics)
+    if may_blend and (not agree or _to_be_blended(before, after, allowed, context)):
+        joint = blending.joined(before, after, allowed, context)
     if joint is not None:
         return Met(Meeting.JOIN, _blended(joint, allowed), joint.before, joint.after)
     if agree:
-        slowed = _slowed_at_kink(before, after, machine, kinematics)
+        slowed = _slowed_at_kink(before, after, context)
         return Met(Meeting.JOIN, message("join.agrees", slowed=slowed), before, after)
     if shared:
-        return Met(*_corner(before, after, allowed, voice), before, after)
+        return Met(*_corner(before, after, allowed, context), before, after)
     told = message("join.elsewhere", gap=gap, tilt=math.degrees(tilt), allowed=_tolerance_message(allowed))
     return Met(Meeting.APART, told, before, after)
 
 
-def _to_be_blended(
-    before: Cut,
-    after: Cut,
-    allowed: blending.Tolerance,
-    machine: Machine,
-    kinematics: Kinematics,
-) -> bool:
+def _to_be_blended(before: Cut, after: Cut, allowed: blending.Tolerance, context: Context) -> bool:
     """Of two cuts whose poses agree: whether their rates differ by rounding, or so that it leaves a mark."""
     if before.block is after.block:  # its parts are meant as they are, to the last derivative
         return False
     found = blending.difference(before, after, allowed)
     if found is blending.Difference.KINK:
-        return passing.at_kink((before, after), machine, kinematics) is not None
+        return passing.at_kink((before, after), context) is not None
     return found is blending.Difference.ROUNDING
 
 
@@ -131,11 +123,11 @@ def _slowed(joint: blending.Joint, allowed: blending.Tolerance) -> Message | str
     return message(key, crease=crease, mm=allowed.mm, **binds)
 
 
-def _slowed_at_kink(before: Cut, after: Cut, machine: Machine, kinematics: Kinematics) -> Message | str:
+def _slowed_at_kink(before: Cut, after: Cut, context: Context) -> Message | str:
     """What it costs to run through exactly where the rates of the pose jump: a sentence, or nothing."""
     if before.block is after.block:
         return ""
-    slowest = passing.at_kink((before, after), machine, kinematics)
+    slowest = passing.at_kink((before, after), context)
     if slowest is None:
         return ""
     crease = _crease(blending.crease(before.motion, after.motion))
@@ -156,7 +148,7 @@ def _tolerance_message(allowed: blending.Tolerance) -> Message:
 
 
 def _corner(
-    before: Cut, after: Cut, allowed: blending.Tolerance, voice: Diagnostics
+    before: Cut, after: Cut, allowed: blending.Tolerance, context: Context
 ) -> tuple[Meeting, Message]:
     """Ends meet on one ruling, the normals differ.
 
@@ -176,7 +168,7 @@ def _corner(
             figures = {"degrees": degrees, "radius": radius, "overcut": overcut}
             where = _where(before, after)
             told = message("join.concave", where=where, allowed=_tolerance_message(allowed), **figures)
-            voice.refuse(after.block.place, told)
+            context.refuse(after.block.place, told)
         hollow = message("join.hollow", um=1000.0 * overcut) if overcut > FLAT_MM else ""
     tilt = math.degrees(apart(turned_axis(before.end, angle), after.start.axis))
     tilts = message("join.tilts", tilt=tilt) if tilt > 1e-6 else ""
@@ -201,10 +193,8 @@ def _where(before: Cut, after: Cut) -> Message:
 
 def choose(
     cuts: Sequence[Cut],
-    machine: Machine,
-    kinematics: Kinematics,
+    context: Context,
     now: Rotaries,
-    voice: Diagnostics,
     wanted: Rotaries | None = None,
     within_rad: float = SAME_ROTARY_RAD,
 ) -> list[CutSegment]:
@@ -214,30 +204,28 @@ def choose(
     then least rotary travel with its approach from ``now``, then positive tilt, then smaller abs(rotary),
     then positive rotary (DESIGN section 1); of these the first that keeps all joints in travel.
     """
-    fields = Fields(cuts, kinematics)
+    fields = Fields(cuts, context.kinematics)
     if wanted is not None:
-        for option in options(fields, machine, wanted, voice):
-            for by in option.way.shifts(machine, wanted):
+        for option in options(fields, context, wanted):
+            for by in option.way.shifts(context.machine, wanted):
                 if (
                     option.way.inside
                     and winding.apart(winding.moved(option.way.start, by), wanted) < within_rad
                 ):
-                    return option.shifted(machine, by)
-    found = timed(options(fields, machine, now, voice), machine, kinematics)
-    fitting = [(o, by) for o in found if o.way.inside for by in o.way.shifts(machine, now)]
+                    return option.shifted(context.machine, by)
+    found = timed(options(fields, context, now), context)
+    fitting = [(o, by) for o in found if o.way.inside for by in o.way.shifts(context.machine, now)]
     if not fitting:
-        unwind.refuse(options(fields, machine, now, voice, whole=True), machine, now, voice)
+        unwind.refuse(options(fields, context, now, whole=True), context, now)
     option, by = min(fitting, key=lambda pair: pair[0].way.rank(pair[1], now).key)
-    return option.shifted(machine, by)
+    return option.shifted(context.machine, by)
 
 
-def trains(
-    ready: Sequence[Cut], machine: Machine, kinematics: Kinematics, voice: Diagnostics
-) -> Iterator[tuple[list[Cut], list[Meeting]]]:
+def trains(ready: Sequence[Cut], context: Context) -> Iterator[tuple[list[Cut], list[Meeting]]]:
     """Rows of cuts that run through, with how each follows the one before."""
     members, meetings = [ready[0]], list[Meeting]()
     for following in ready[1:]:
-        meeting, _, members[-1], after = meet(members[-1], following, machine, kinematics, voice)
+        meeting, _, members[-1], after = meet(members[-1], following, context)
         if meeting is Meeting.APART:
             yield members, meetings
             members, meetings = [after], []

@@ -19,23 +19,23 @@ from controller.geometry.vectors import ROUNDING
 from controller.machine.model import Axis, Machine
 from controller.messages import Message, message
 from controller.motion.motions import Rotaries
+from controller.plan.context import Context
 from controller.plan.rotaries.turns import TURN
 from controller.plan.rotaries.winding import RankKey, Way
-from controller.plan.segment import Diagnostics
 from controller.plan.surfaces import audit
 from controller.plan.surfaces.legs import CutSegment, Option
 
 
-def refuse(options: Sequence[Option], machine: Machine, now: Rotaries, voice: Diagnostics) -> NoReturn:
+def refuse(options: Sequence[Option], context: Context, now: Rotaries) -> NoReturn:
     """Refuse a train that leaves the travel on every branch, shown where it gets farthest."""
-    legs = _farthest_legs(options, machine, now)
+    legs = _farthest_legs(options, context.machine, now)
     for i, leg in enumerate(legs):
-        excess = audit.outside(machine, leg.u, leg.joints)
+        excess = audit.outside(context.machine, leg.u, leg.joints)
         if excess is not None:
-            axis = machine.axes[excess.axis]
+            axis = context.machine.axes[excess.axis]
             where = audit.at_place(leg.cut, float(leg.u[excess.sample]))
-            advice = _advice(legs, i, excess.axis, machine) if axis.is_rotary else audit.MOVE
-            voice.refuse(leg.cut.block.place, audit.describe(axis, excess, where, advice))
+            advice = _advice(legs, i, excess.axis, context.machine) if axis.is_rotary else audit.MOVE
+            context.refuse(leg.cut.block.place, audit.describe(axis, excess, where, advice))
     raise AssertionError("a train was refused for its travel but is inside")
 
 

@@ -1,4 +1,4 @@
-"""A simulated inverter behind the slot of one on a serial line, with its motor."""
+"""A simulated inverter at the slot of one on a serial line, with its motor."""
 
 from __future__ import annotations
 

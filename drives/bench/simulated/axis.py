@@ -118,10 +118,9 @@ class Axis(PowerStage):
 
     @property
     def remembers_nothing(self) -> bool:
-        """Its next period depends on what it shows: no sensor looks, and no demand goes on by itself."""
-        plain = type(self.servo) is Servo and not self.sensors.watches
+        """Its next period depends on what it shows: no demand goes on by itself; sensors see motion only."""
         demand = self.generator is None or (self.follows and isinstance(self._law, CyclicPosition))
-        return plain and demand and self._lagging_s is None
+        return type(self.servo) is Servo and demand and self._lagging_s is None
 
     @property
     def needs_periods(self) -> bool:

@@ -150,7 +150,7 @@ class SimulatedDrive(Device):
         elif received is not None and received == self._told and not self._latched:
             before = self._state()
             if before == self._rests:
-                self._repeat(now_s)
+                self._repeat(frame, now_s)
                 return
         self._told = received
         if received is not None:
@@ -200,28 +200,30 @@ class SimulatedDrive(Device):
         )
 
     def _may_repeat(self) -> bool:
-        """Whether ``_state`` is all: no TPDO but the fast one, and a demand that remembers nothing."""
-        own = bool(self._fast_out) and not self._slow_out and self.nmt == OPERATIONAL
-        return own and self.axis.remembers_nothing
+        """Whether ``_state`` is all: the fast TPDO is sent, and the demand remembers nothing."""
+        return bool(self._fast_out) and self.nmt == OPERATIONAL and self.axis.remembers_nothing
 
-    def _repeat(self, now_s: float) -> None:
-        """What the last SYNC has done and left as it was."""
+    def _repeat(self, frame: bytes, now_s: float) -> None:
+        """What the last SYNC has done and left as it was; other TPDOs look themselves what they tell."""
         self._received = None
         if self.axis.generator is not None:
             self.now_s = now_s
         self._count(now_s)
-        if self.link is not None:
-            self.link.send(now_s + self._tpdo_delay_s, self._fast_out, self._said)
+        self._send(frame, now_s)
 
     def _report(self, frame: bytes, now_s: float) -> None:
         """The TPDOs of this SYNC: what was true at the SYNC, sent a little later."""
-        at_s = now_s + self._tpdo_delay_s
-        if self._fast_out and self.link is not None:
+        if self._fast_out:
             axis = self.axis
             position = round(axis.servo.position)
             if not INT32_MIN <= position <= INT32_MAX:
                 position = axis.actual()
             self._said = FEEDBACK.pack(self._fast_out, PDO_BYTES, axis.statusword, position)
+        self._send(frame, now_s)
+
+    def _send(self, frame: bytes, now_s: float) -> None:
+        at_s = now_s + self._tpdo_delay_s
+        if self._fast_out and self.link is not None:
             self.link.send(at_s, self._fast_out, self._said)
         if self._slow_out:
             self.process.after_sync(frame[DATA_AT] if frame[4] else 0, at_s, now_s)

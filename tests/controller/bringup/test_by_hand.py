@@ -26,6 +26,7 @@ LEVELS = {name: name == "clamp_A_closed" for name, _ in (SHOP.io.inputs if SHOP.
 
 TRUNNION = Path(__file__).parents[3] / "config" / "trunnion.toml"
 NO_CHANGER = replace(SHOP, changer=None)
+SLOW = machine_file.with_period(SHOP, 0.008)  # what a touch tells is latched, whatever the period
 
 
 @dataclass
@@ -191,10 +192,10 @@ def test_inputs_switches_clamp_and_every_step_of_the_changer_on_the_machine_of_a
 @pytest.mark.slow
 def test_the_centre_of_a_rotary_is_found_by_probe_where_it_is(tmp_path: Path) -> None:
     """What the machine file says of C is off, and what it says of A is not."""
-    off_mm, c = 0.2, SHOP.axes[-1]
+    off_mm, c = 0.2, SLOW.axes[-1]
     x, y, z = c.point_mm
-    wrong = replace(SHOP, axes=(*SHOP.axes[:-1], replace(c, point_mm=(x + off_mm, y, z))))
-    stepped = SteppedMachine(SHOP, bench=simulation.bench_of(SPHERE, SHOP))
+    wrong = replace(SLOW, axes=(*SLOW.axes[:-1], replace(c, point_mm=(x + off_mm, y, z))))
+    stepped = SteppedMachine(SLOW, bench=simulation.bench_of(SPHERE, SLOW))
     found = done(SimulatedBench(wrong, stepped), "rotaries", tmp_path)
     (row,) = [one["values"] for one in found.figures if one["values"]["axis"] == "C"]
     assert row["moved_um"] == pytest.approx(1e3 * off_mm, abs=15.0)
@@ -215,7 +216,7 @@ def test_the_contact_of_the_motor_supply_is_seen_and_the_machine_is_up_again(tmp
 
 @pytest.mark.slow
 def test_without_a_changer_the_probe_is_put_in_by_hand(tmp_path: Path) -> None:
-    bench = SimulatedBench(NO_CHANGER)
+    bench = SimulatedBench(replace(SLOW, changer=None))
     assert done(bench, "rotaries", tmp_path).good
     assert SHOP.probe is not None and bench.tool() == SHOP.probe.tool
 

@@ -12,10 +12,10 @@ import pytest
 from support.fakes.service_stand_ins import answering, hanging
 from typer.testing import CliRunner
 
+from controller.__main__ import app
 from controller.api import backup
 from controller.api.store import Store
 from controller.cli import backup as command
-from controller.cli import bus as bus_command
 from controller.machine import machine_file as config
 from controller.machine import setup_data
 from controller.messages import plain
@@ -81,7 +81,7 @@ def test_a_machine_file_that_check_and_bus_refuse_is_not_put_in_use(
     file.write_text(text)
     new.write_text(text.replace(*change))
     assert new.read_text() != text
-    refused = CliRunner().invoke(bus_command.app, [str(new), "--json"])
+    refused = CliRunner().invoke(app, ["bus", str(new), "--json"])
     said = json.loads(refused.stdout)["error"]
     code, error = outcome(["update", str(new), "--machine", str(file)], state)
     assert code == 1 and re.search(words, error) and error.splitlines()[0] in said

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import typer
 from support.live.shop import opened
 from typer.testing import CliRunner
 
@@ -22,11 +21,12 @@ from controller.bringup.steps import KINDS
 from controller.bringup.ticks import NotDone
 from controller.cli import bring_up
 from controller.cli.bring_up_worker import AtPage
+from controller.cli.speech import Verbs
 from controller.machine import machine_file
 from controller.messages import message
 
-app = typer.Typer()
-bring_up.register(app)
+app = Verbs()
+app.command()(bring_up.bring_up)
 
 
 def asked(*words: str, given: str = "") -> dict[str, Any]:

@@ -22,12 +22,12 @@ from controller.verify import fits
 TOLERANCE_MM = 0.02
 
 
-def twisted() -> fits.Asked:
+def twisted() -> fits.SurfaceToFit:
     """The first surface of Example 2, from its left."""
     machine = machine_file.load("trunnion")
     program = machine_file.shipped_program("example2_ready")
     read = blocks.stream(program.read_bytes(), machine, str(program))
-    return fits.Asked(next(one for one in read if isinstance(one, CutBlock)), machine)
+    return fits.SurfaceToFit(next(one for one in read if isinstance(one, CutBlock)), machine)
 
 
 def test_a_cutter_of_the_radius_that_is_told_keeps_the_tolerance_and_a_larger_one_does_not() -> None:

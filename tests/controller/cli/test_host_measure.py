@@ -81,7 +81,7 @@ def silent(share: float) -> None:
 
 def test_turns_alternate_and_all_are_added_up(fake_turns: list[str]) -> None:
     found = Measured(0.001)
-    host_measure.run(found, 60.0, {}, (), silent)
+    found.run(60.0, {}, (), silent)
     assert fake_turns == ["late", "cyclictest"] * 3
     assert found.late.count == 30_000 and found.other is not None and found.other.count == 30_000
     assert (found.ran_s, found.whole, found.minor_faults, found.other_version) == (60.0, True, 3, "2.4")
@@ -109,7 +109,7 @@ def test_ctrl_c_ends_it_with_what_was_found_until_then(
 
     monkeypatch.setattr(wake_ups, "turn", turn)
     found = Measured(0.001)
-    host_measure.run(found, 600.0, {}, (), silent)
+    found.run(600.0, {}, (), silent)
     assert not found.whole and found.late.count == 10_000 and len(found.course) == 1
 
 
@@ -205,7 +205,7 @@ class Page(HTMLParser):
 def measured() -> Measured:
     found = Measured(0.001, core=3, other=Histogram(), other_version="2.40")
     for n in range(5):
-        host_measure._turn(found, "late", 1.0, (), ())
+        found.turn("late", 1.0, (), ())
         assert len(found.course) == n + 1
     host_measure.count_of(PRINTED, found.other)  # type: ignore[arg-type]
     found.syncs["main"] = Histogram()

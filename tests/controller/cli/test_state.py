@@ -26,7 +26,8 @@ from controller.api.store import Store
 from controller.cli import recorded_runs, state
 from controller.ipc.asker import Asker
 from controller.machine import arrangement
-from controller.messages import message
+from controller.machine.toml_table import ConfigError
+from controller.messages import TextError, message
 from controller.plan.report import stored
 from controller.runtime import events
 from controller.runtime.starts import Start
@@ -37,6 +38,7 @@ from controller.state.setpoints import SETPOINTS
 from controller.store import service_store
 from controller.store.service_store import ServiceStore
 from controller.store.set_up_store import FITTING
+from controller.verify import console
 from controller.verify.console import Refused
 from drives.arranged import Arranged
 
@@ -190,9 +192,9 @@ def hurt(source: Path, folder: Path, count: int, part: int = 0) -> int:
         file = rng.choice([one for one in sorted(folder.rglob("*")) if one.is_file() and one.stat().st_size])
         file.write_bytes(harmed(sound := file.read_bytes(), rng))
         print(SEED, number, file)
-        noticed += any(one.condition == "damaged" and state.in_words(one) for one in state.look(folder))
+        noticed += any(one.condition == "damaged" and console.in_words(one.why) for one in state.look(folder))
         for run in sorted((folder / "runs").glob("*")):
-            with contextlib.suppress(*recorded_runs.expected(), Refused, OSError):
+            with contextlib.suppress(TextError, ConfigError, Refused, OSError):
                 recorded_runs.whole(run, None, None)
         file.write_bytes(sound)
     return noticed

@@ -7,13 +7,19 @@ import contextlib
 import io
 import json
 import os
+import random
+import string
 import zipfile
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from support.fakes.panels import Scene
+from support.fakes.written_history import WrittenHistory
+from support.faults.harm import times
+from support.suite.seed import SEED
 from typer.testing import CliRunner
 
 from controller import sealed_file
@@ -24,9 +30,13 @@ from controller.cli import internal_error, redaction, support
 from controller.ipc.asker import Asker as AskedBy
 from controller.ipc.handoff import ROW
 from controller.machine import machine_file, setup_data
+from controller.machine.model import Machine
+from controller.messages import message
 from controller.runtime import recording
+from controller.service import runs
 from controller.service.requests import Requests
 from controller.state.modes import Fault
+from controller.state.setpoints import SETPOINTS
 from controller.store import service_store
 
 WEBHOOK, PASSWORD, OUTSIDE = "https://chat.example/hooks/k3y-of-hook", "pass-of-mail", "what-is-elsewhere"
@@ -177,6 +187,107 @@ def test_secrets_that_stand_anywhere_are_taken_out(tmp_path: Path, monkeypatch: 
     assert parts["runs/0001/notes0.txt"] == b"a\n[taken out]\nb"
 
 
+FORMS = (  # as people and libraries write them
+    "dx_{0}",
+    "SMTP_PASS={0}",
+    "Environment=DIRECTRIX_MAIL_PASSWORD={0}",
+    "AWS_SECRET_ACCESS_KEY={0}",
+    "X-Api-Key: {0}",
+    "client_secret={0}",
+    "passphrase: '{0} of {0}'",
+    "directrix panel --token {0}",
+    "Authorization: Bearer {0}",
+    "ghp_{0}",
+    "eyJhbGciOiJIUzI1NiJ9.{0}.{0}",
+    "https://box:{0}@mail.example/in",
+    "https://chat.example/services/T02/B07/{0}",
+    "https://chat.example/api/webhooks/7/{0}",
+    "https://shop.example/in?code={0}",
+    "mqtts://shop:{0}@broker.example:8883",
+)
+
+
+class Plants:
+    """Each place of a state folder that people write into, by its own text."""
+
+    def __init__(self, state: Path, rng: random.Random) -> None:
+        self.state, self._rng, self.secrets = state, rng, list[str]()
+
+    def text(self) -> str:
+        """With something in it that lets somebody in."""
+        return self._of(FORMS)
+
+    def name(self) -> str:
+        """Likewise, of a file."""
+        return self._of([form for form in FORMS if "/" not in form])
+
+    def _of(self, forms: Sequence[str]) -> str:
+        letters = string.ascii_letters + string.digits
+        self.secrets.append("".join(self._rng.choices(letters, k=self._rng.randrange(16, 28))))
+        return self._rng.choice(forms).format(self.secrets[-1])
+
+    def plant(self) -> None:
+        written = WrittenHistory(self.state)
+        self._plant_runs(written)
+        written.alarm("NOTICE", message("text", text=self.text()), sender=self.text())
+        written.store.put("usage", {"items": {self.text(): {"parts": 7, "note": self.text()}}})
+        with contextlib.closing(written.store) as store:
+            noted = Requests(store)
+            with noted.noted("mdi", {"text": f"({self.text()})"}, AskedBy("anna"), "panel") as hear:
+                hear({})
+            noted.close()
+        setup_data.note(self.state, self._machine())
+        facts = recording.Facts(Fault.EMERGENCY_STOP, "", 1, 0, ())
+        recording.save(self.state / "recordings", self._machine(), facts, np.zeros((2, len(ROW))), {})
+        (self.state / "crashes").mkdir()
+        (self.state / "crashes" / "1.txt").write_text(f"{self.text()}\nKeyError: {self.text()!r}\n")
+
+    def _plant_runs(self, written: WrittenHistory) -> None:
+        names = [f"{self.name()} {self.name()}.ngc" for _ in range(2)]
+        for name in names:
+            record = runs.RunRecord(
+                self.state, machine_file.load("trunnion"), {"name": name, "note": self.text()}
+            )
+            (record.folder / "program.ngc").write_text(f"({self.text()})\n(msg, {self.text()})\nM2\n")
+            (record.folder / "machine.toml").write_text(self._machine().text)
+            (record.folder / f"{self.name()}.txt").write_text(self.text())
+            with (record.folder / SETPOINTS.whole).open("wb") as file:
+                SETPOINTS.pack(file, 0, np.zeros((4, 5), dtype=np.int32), record.folder.name)
+            record.end("completed")
+            written.run(name, record=record.folder.name)
+
+    def _machine(self) -> Machine:
+        machine = machine_file.load("trunnion")
+        return replace(machine, text=f"{machine.text}# {self.text()}\n# {self.text()}\n")
+
+
+def leaks(folder: Path, rng: random.Random) -> None:
+    state = folder / "state"
+    with contextlib.closing(Store(state)) as store, store.uploads.begin("b.ngc") as upload:
+        upload.write(b"M2\n")
+        upload.commit()
+    plants = Plants(state, rng)
+    plants.plant()
+    parts = written(state, folder / "case.zip")
+    assert sum(name.startswith("runs/") for name in parts) >= 12 and "machine.toml" in parts
+    for name, data in parts.items():
+        if name.endswith(".npz"):
+            with np.load(io.BytesIO(data)) as packed:
+                data = b"".join(str(packed[one]).encode() for one in packed.files)
+        found = [one for one in plants.secrets if one.encode() in name.encode() + data]
+        assert not found, (SEED, name, found)
+
+
+def test_what_lets_somebody_in_stays_wherever_it_was_written(tmp_path: Path) -> None:
+    leaks(tmp_path, random.Random(f"{SEED}-support"))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("part", range(times(40)))
+def test_none_of_a_thousand_that_let_somebody_in_goes_along(tmp_path: Path, part: int) -> None:
+    leaks(tmp_path, random.Random(f"{SEED}-support-{part}"))
+
+
 def test_what_is_no_secret_stays(tmp_path: Path) -> None:
     for text in (
         b"G1 X10 (token)\nM2",
@@ -185,6 +296,8 @@ def test_what_is_no_secret_stays(tmp_path: Path) -> None:
         b'{"position_trusted": true}',
         b'{"password": "", "user": ""}',
         b"T5 (key=hook)",
+        b"#<pass>=1.5 (pass 2 of 5) bypass: closed",
+        b"https://shop.example/services/",
     ):
         assert redaction.redacted(text, []) == text
 

@@ -13,7 +13,7 @@ from controller.motion.motions import SurfaceCut
 from controller.plan.rotaries.branch import joints_along
 from controller.plan.segment import ContinuousPath, Segment
 from controller.post.chords import Form, corners, poses
-from controller.post.text import Asked, height_mm, post
+from controller.post.text import PostOptions, height_mm, post
 from controller.runtime import checked
 
 TWISTED = b"""G21 G90 G54 G61
@@ -79,7 +79,7 @@ def test_the_lines_as_the_reader_takes_them_stay_within_the_chord_of_the_cut(
     (cut,) = [one for one in segments(ours) if isinstance(one.motion, SurfaceCut)]
     height = height_mm(cut, machine.tools[0])
     text = post(
-        items(ours), [(0, machine.tools[0])], Asked(machine, ours.kinematics, form, chord_mm, 0, False)
+        items(ours), [(0, machine.tools[0])], PostOptions(machine, ours.kinematics, form, chord_mm, 0, False)
     )
     read = task(text.encode(), machine)
     lines = [one for one in segments(read) if one.feed_mm_s is not None]
@@ -106,7 +106,7 @@ def test_chords_are_as_long_as_they_may_be() -> None:
 def test_spindle_tool_and_end_are_written_where_they_were(tmp_path: object) -> None:
     machine = machine_file.load("trunnion")
     ours = task(TWISTED, machine)
-    asked = Asked(machine, ours.kinematics, Form.TIP, 0.01, 0, True)
+    asked = PostOptions(machine, ours.kinematics, Form.TIP, 0.01, 0, True)
     text = post(items(ours), [(0, machine.tools[0])], asked).splitlines()
     assert text[0].startswith("G21 G90 G17 G54 G64 P0.01 Q")
     assert text[1:3] == ["T1 M6", "S8000 M3"]

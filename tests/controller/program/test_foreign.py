@@ -114,7 +114,7 @@ def test_a_program_that_reads_well_is_never_asked_about(monkeypatch: pytest.Monk
         ("N40 IF [ #5405 GE 6000 ] THEN #3000= 15 (TOOL LIFE)", 5, "write o100 if"),
         ("GOTO NDTM", 1, "write o100 if"),
         ("END1", 1, "write o100 if"),
-        ("DPRNT[X#100[53]]", 1, "(PRINT, ...)"),
+        ("BPRNT[X#100[53]]", 1, "(PRINT, ...)"),
         ("CALL O100", 1, "write M98"),
         ("N5 VC1=VC1+1", 4, "write a parameter"),
         ("VZOFZ[1]=100", 1, "write a parameter"),

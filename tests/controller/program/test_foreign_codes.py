@@ -32,6 +32,7 @@ def test_what_a_code_is_is_told_with_who_has_it() -> None:
     [
         ("M428", "G43.4"),
         ("M128", "Heidenhain"),
+        ("M130", "G43.4"),
         ("M80", "the door (Haas)"),
         ("M109", "a question to the operator (Haas)"),
         ("G36", "G31 or G38.2"),

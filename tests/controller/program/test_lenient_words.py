@@ -36,6 +36,7 @@ LOOSE = {
     "H2": "without G43",
     "F100. G0 X0.\nG81 X1. Z-1. R1. P500": "waits nowhere",
     "G81 F100.": "nothing is drilled",
+    "G60 X1.": "no side is chosen",
 }
 
 
@@ -89,6 +90,13 @@ def test_p_of_g81_gives_way_to_a_code_that_takes_it() -> None:
     moves, notes = read(text)
     assert not notes and moves[-1].modal.offset == 10
     assert len([block for block in moves if block.feed_mm_s]) == 2
+
+
+def test_g60_is_a_rapid_of_its_own_line() -> None:
+    moves, _ = read("G1 X0. F100.\nG60 X1. Y1.\nX2.\nG60\nX3.\n")
+    assert [block.feed_mm_s is None for block in moves] == [False, True, False, False]
+    with pytest.raises(ProgramError):
+        blocks.read(b"G60 G1 X1. F100.\n", machine(), "p")
 
 
 def test_parameters_of_another_control_are_left_out() -> None:

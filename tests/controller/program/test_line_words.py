@@ -52,6 +52,18 @@ def test_what_cannot_be_probed_is_refused_with_its_reason(text: str, word: str) 
     assert word in str(refused.value)
 
 
+@pytest.mark.parametrize("signal", ["P1", "P4", "R0", "R1"])
+def test_a_skip_signal_chooses_nothing(signal: str) -> None:
+    probe = made(f"G91 G31 Z-10. F50. {signal}\n", "fanuc")[-1].probe
+    assert probe is not None and probe.code == "G31"
+
+
+@pytest.mark.parametrize("signal", ["P98", "P99", "P0", "R2", "P1.5"])
+def test_what_is_no_skip_signal_is_refused(signal: str) -> None:
+    with pytest.raises(ProgramError, match=f"{signal} of G31"):
+        made(f"G31 Z-10. F50. {signal}\n", "fanuc")
+
+
 def test_a_tool_that_is_no_probe_has_no_probing_without_a_setter() -> None:
     machine = probing_machine.machine(**{probing_machine.SETTER: ""})
     with pytest.raises(ProgramError, match="its probe is T99"):

@@ -8,7 +8,7 @@ import pytest
 from support.oracles import reference_interpreter
 
 from controller.program import blocks
-from controller.program.program import JointLine, ProgramError
+from controller.program.program import JointLine, OperatorMessage, ProgramError, Remark
 
 
 def ends(text: str, dialect: str = "fanuc", block_delete: bool = False) -> list[float]:
@@ -33,6 +33,7 @@ def ends(text: str, dialect: str = "fanuc", block_delete: bool = False) -> list[
         ),
         ("#1=0\nDO1\n#1=#1+1\nIF [#1 GT 2] GOTO 20\nX#1\nEND1\nN20 X7.", [1, 2, 7]),
         ("X1.\nGOTO 5\nX2.\nN0005 X3.", [1, 3]),
+        ("N1 #1=4 #2=[2+3] GOTO #2 (SET, GO)\nX9.\nN4 X8.\nN5 X#1\n#1=6GO#1\nX9.\nN6 X#1", [4, 6]),
         ("#1=0\nN10 X#1\n#1=#1+1\nIF [#1 LT 3] GOTO 10\nX9.", [0, 1, 2, 9]),
         ("#1=5\nGOTO #1\nX1.\nN5 GOTO [#1+1]\nX2.\nN6 X3.", [3]),
         ("N5 X1.\nGOTO 6\nN6 X2.\nGOTO 7\nN5 X3.\nN7", [1, 2]),
@@ -128,3 +129,23 @@ def test_percent_and_the_end_of_its_line_begin_and_end_a_text() -> None:
     assert ends("%;\nG21 G90 G0;\nX1.;\n% ;\nX3.\n") == [1]
     with pytest.raises(ProgramError, match="stands alone"):
         ends("% X1.\nX3.\n")
+
+
+def test_what_dprnt_writes_is_shown_to_the_operator() -> None:
+    text = "#1=2.5\nPOPEN\nN5 DPRNT[X#1[44]*#100[30]/A-1] (OUT)\nSETVN#500[HOLE]\nDPRNT[ ]\nG0 X#1\nPCLOS\n"
+    on = reference_interpreter.machine("fanuc", without_point="unit")
+    made = blocks.read(text.encode(), on, "p.nc").blocks
+    assert [one.text for one in made if isinstance(one, OperatorMessage)] == ["X2.5000 0/A-1"]
+    assert ["POPEN does nothing" in one.sentence for one in made if isinstance(one, Remark)] == [True]
+    assert [one.targets[0] for one in made if isinstance(one, JointLine)] == [2.5]
+    with pytest.raises(ProgramError):
+        blocks.read(text.encode(), reference_interpreter.machine(), "p.nc")
+
+
+@pytest.mark.parametrize(
+    ("text", "column"), [("WHILE [#1 LT 2] DO1 #1=#1+1\nEND1", 20), ("N1 DO2 X1.\nEND2", 7)]
+)
+def test_what_follows_do_on_its_line_is_refused_there(text: str, column: int) -> None:
+    with pytest.raises(ProgramError, match=r"DO\d ends its line") as refused:
+        ends(text)
+    assert (refused.value.line, refused.value.column) == (1, column)

@@ -19,69 +19,16 @@ from controller.program.modal import State
 from controller.program.plain import CommonLines, Functions
 from controller.program.program import Block, ProgramError
 
-BEFORE = (
-    *(
-        "g43.4",
-        "g43.5",
-        "g49",
-        "g93",
-        "g94 f100",
-        "g95 s100 m3",
-        "g94 f50",
-        "g20",
-        "g21",
-        "g91",
-        "g90",
-        "g17",
-    ),
-    *("g18", "g19", "g90.1", "g91.1", "g41", "g41 d1", "g42.1 d0.5", "g40", "g64 p0.01", "g61", "g81 z-1 r1"),
-    *(
-        "g80",
-        "g92 x1",
-        "g92.1",
-        "g68 r30",
-        "g69",
-        "g55",
-        "g54",
-        "g10 l2 p1 a10",
-        "g10 l2 p1 a0",
-        "m70",
-        "m72",
-    ),
-    *("g2", "g0", "t1 m6", "m3 s100 g1 x1", "#1=3", "g68.2 x1 y0 z0 i10 j20 k0", "", "%", "n10", "n10 (c)"),
+BEFORE = re.split(
+    r"\|",
+    "g43.4|g43.5|g49|g93|g94 f100|g95 s100 m3|g94 f50|g20|g21|g91|g90|g17|g18|g19|g90.1|g91.1|g41|g41 d1|"
+    "g42.1 d0.5|g40|g64 p0.01|g61|g81 z-1 r1|g80|g92 x1|g92.1|g68 r30|g69|g55|g54|g10 l2 p1 a10|"
+    "g10 l2 p1 a0|m70|m72|g2|g0|t1 m6|m3 s100 g1 x1|#1=3|g68.2 x1 y0 z0 i10 j20 k0||%|n10|n10 (c)",
 )
 NUMBERS = ("1", "-2.5", "+3.", ".25", "0", "-0.0", "1e3", "1 2", "", "2000000000", "#1", "[1+1]", "-0.0001")
-FUNCTIONS = (
-    "m3",
-    "M4",
-    "m05",
-    "M7",
-    "M08",
-    "M9",
-    "S500",
-    "s500 m3",
-    "s1e3",
-    "m3 m8",
-    "n5 M8",
-    "m6",
-    "M30",
-    "s-1",
-)
-ENDS = (
-    "",
-    "",
-    "",
-    " (two words)",
-    "(n)",
-    " ; rest (",
-    " (a;b)",
-    " (msg, a)",
-    " (",
-    " m8",
-    " s300",
-    " p2",
-    " ",
-)
+FUNCTIONS = re.split(r"\|", "m3|M4|m05|M7|M08|M9|S500|s500 m3|s1e3|m3 m8|n5 M8|m6|M30|s-1")
+ENDS = re.split(r"\|", "||| (two words)|(n)| ; rest (| (a;b)| (msg, a)| (| m8| s300| p2| ")
+IN_FORCE = ("G90", "g91 ", "G17 ", "g18", "G21 g90", "g20", "G90G90", "g17 G90 ", "g19", "G90 G91 ")
 
 
 def common(rng: random.Random) -> str:
@@ -93,9 +40,10 @@ def common(rng: random.Random) -> str:
     ends += ["F"] if rng.random() < 0.3 else []
     if rng.random() < 0.8:
         ends.sort(key="XYZABCIJKRF".index)
+    beside = rng.choice(IN_FORCE) if rng.random() < 0.2 else ""  # and often not in force
     gap, number = rng.choice(("", " ", "  ")), rng.choice((5, 5, 6, 6, 13))
     words = gap.join(rng.choice((letter, letter.lower())) + rng.choice(NUMBERS[:number]) for letter in ends)
-    return f"{rng.choice(('', '', 'N10 ', 'n5', '/', ' '))}{code}{gap}{words}{rng.choice(ENDS)}"
+    return f"{rng.choice(('', '', 'N10 ', 'n5', '/', ' '))}{beside}{code}{gap}{words}{rng.choice(ENDS)}"
 
 
 def soup(rng: random.Random) -> bytes:
@@ -122,6 +70,8 @@ def sound(rng: random.Random) -> bytes:
                     f"G2 X{x} Y{y} R{rng.choice((20, -20.5))} (arc)",
                     f"G3 I{x} J{y} F250",
                     f"Z{r} ; on",
+                    f"{rng.choice(IN_FORCE)}G1 X{x} Y{y}",
+                    f"g90 {rng.choice(('g17', 'g18'))}g2 X{x} Z{y} R20.",
                     rng.choice(FUNCTIONS[:9]),
                     rng.choice(("g20", "g21", "g91", "g90", "g93 g1 x1 f2", "g94 f100", "m8", "m9", "")),
                 )
@@ -195,6 +145,16 @@ def taken(text: bytes, monkeypatch: pytest.MonkeyPatch) -> list[bool]:
 def test_lines_of_cam_systems_go_the_short_way(monkeypatch: pytest.MonkeyPatch) -> None:
     text = b"g43.4\ng1 x0 f100\nX1. Y2. Z3. A1. C2.\nN5 G01 X1.5\nx2f300\nG1F20X1Y2\ng93\nx1 f2.5\n"
     assert taken(text, monkeypatch) == [False, *[True] * 5, False, True]
+
+
+def test_codes_in_force_keep_no_line_off_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    text = (
+        b"g1 x0 f100\nG90 G1 X1.\ng17 G21 G90 g2 x2 r5\nG91 G1 X1.\nG91 G0 X1.\nG90 G90 G0 X1.\ng18 g1 X2.\n"
+    )
+    short = [True, True, True, False, True, False, False]
+    with pytest.raises(ProgramError):
+        taken(text, monkeypatch)
+    assert taken(text.replace(b"G90 G90", b"g90"), monkeypatch) == short
 
 
 def test_rapids_arcs_functions_and_comments_do_so_too(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,7 +10,6 @@ from support.oracles import reference_interpreter, reference_samples
 README = (Path(__file__).parents[3] / "config/programs/README.md").read_text(encoding="utf-8")
 
 NO_END = "- A program may end without M2, M30 and %; LinuxCNC refuses it"
-ELSE_IF = "`o1 else IF [...]` of five of its own probing macros means `elseif`"
 NO_LATHE = "this control has no lathe axis"
 NO_ANGLE = "On a spindle that tells no angle G33"
 
@@ -23,16 +22,12 @@ APART = {
         (NO_LATHE, NO_LATHE),
     ),
     **dict.fromkeys(
-        ("lathe_std", "g59preview", "in_std", "mm_std"), ("theirs: File ended with no percent sign", NO_END)
+        ("bye", "lathe_std", "g59preview", "in_std", "mm_std"),
+        ("theirs: File ended with no percent sign", NO_END),
     ),
     "macros/on_abort": (
         "it holds only subs",
         "A file of which nothing runs, as one of subs alone between %, is refused",
-    ),
-    "go_to_zero": ("write o100 elseif", ELSE_IF),
-    **dict.fromkeys(
-        (f"probe_cal_{form}" for form in ("round_boss", "round_pocket", "square_boss", "square_pocket")),
-        ("0 elseif", ELSE_IF),
     ),
     "mmount": ("move 5: ", "- Canned cycles begin under G98, not G99"),
     "nestedcall": (

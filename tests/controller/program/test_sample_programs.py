@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 from support.machines.traced_programs import mill
 from support.oracles import reference_interpreter
 
+from controller.machine.equipment import Io
 from controller.program import blocks, refusals
-from controller.program.program import Act, Action, JointLine, OperatorMessage, ProgramError
+from controller.program.program import Act, Action, Await, JointLine, OperatorMessage, ProgramError
 
 MACHINE = reference_interpreter.machine()
 
@@ -71,7 +74,55 @@ def test_a_whole_circle_leads_out_no_better_than_another_arc() -> None:
     assert error.value.line == 6
 
 
-@pytest.mark.parametrize("text", [b"#<_ini[vars]x>=3\nG0 X1\n", b"G0 X#<_ini[vars]x>\n"])
-def test_a_value_of_an_ini_file_is_refused_as_such(text: bytes) -> None:
-    with pytest.raises(ProgramError, match="INI file, and there is none"):
-        blocks.read(text, MACHINE, "p.ngc")
+@pytest.mark.parametrize(
+    "text", ["#<_ini[vars]x>=3\nG0 X1\n", "G0 X#<_ini[vars]x>\n", "G0 X#<_hal[a.b-c]>\n"]
+)
+def test_a_value_of_an_ini_file_or_a_pin_is_refused_as_such(text: str) -> None:
+    with pytest.raises(ProgramError, match="INI file or HAL"):
+        blocks.read(text.encode(), MACHINE, "p.ngc")
+
+
+def test_what_the_machine_file_says_of_them_counts() -> None:
+    on = replace(MACHINE, named_values=(("_ini[sensor]x", 12.5), ("_hal[probe.latch-mm]", 2.0)))
+    move = b"G0 X#<_ini[SENSOR]X> Y[-#<_hal[probe.latch-mm]>*2]"
+    text = b"o1 if [#<_hal[ probe.latch-mm ]> EQ 2]\n" + move + b"\no1 endif\n"
+    (made,) = blocks.read(text, on, "p.ngc").blocks
+    assert isinstance(made, JointLine) and made.targets[:2] == (12.5, -4.0)
+    with pytest.raises(ProgramError, match="INI file or HAL"):
+        blocks.read(b"#<_ini[sensor]x>=1\nG0 X1\n", on, "p.ngc")
+
+
+IO = Io(
+    "can0",
+    9,
+    "",
+    (("there", 0), ("low", 1)),
+    (),
+    digital_in=("there", "low", "other"),
+    read_on=("there",),
+    read_off=("low",),
+)
+
+
+@pytest.mark.parametrize(
+    ("wait", "answer"),
+    [
+        ("P0 L1 Q2", 1),
+        ("P2 L2 Q2", 0),
+        ("P2 L3 Q2", 1),
+        ("P1 L4 Q2", 0),
+        ("P0 L0", 1),
+        ("P1 L0", 0),
+        ("P0", 1),
+    ],
+)
+def test_behind_a_wait_its_answer_is_what_was_waited_for(wait: str, answer: int) -> None:
+    text = f"M66 {wait}\no1 if [#5399 LT 0]\n(ABORT, nothing came)\no1 endif\nG0 X#5399\n"
+    first, move = blocks.read(text.encode(), replace(MACHINE, io=IO), "p.ngc").blocks
+    assert isinstance(first, Await) and isinstance(move, JointLine) and move.targets[0] == answer
+
+
+@pytest.mark.parametrize("text", ["G0 X#5399", "M66 P2 L0\nG0 X#5399", "M66 P2 L3 Q1\nM66 P2 L0\nG0 X#5399"])
+def test_an_answer_that_only_the_run_tells_is_refused(text: str) -> None:
+    with pytest.raises(ProgramError, match="when the program runs"):
+        blocks.read(text.encode(), replace(MACHINE, io=IO), "p.ngc")

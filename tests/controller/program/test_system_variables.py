@@ -9,9 +9,19 @@ import pytest
 from support.machines.traced_programs import mill
 
 from controller.geometry.vectors import Frame
+from controller.machine.equipment import Io
 from controller.machine.model import KEPT_OFFSETS, Machine
 from controller.program import blocks, modal
-from controller.program.program import Action, JointLine, OperatorMessage, ProgramError, Remark, Setting
+from controller.program.program import (
+    Action,
+    Await,
+    JointLine,
+    Level,
+    OperatorMessage,
+    ProgramError,
+    Remark,
+    Setting,
+)
 
 
 def machine(**fields: Any) -> Machine:
@@ -210,3 +220,48 @@ def test_a_skip_that_a_line_by_hand_has_left_is_read_by_the_next() -> None:
 
 def test_under_the_other_dialect_the_numbers_are_parameters() -> None:
     assert value("#3000=4", "#3000", dialect="rs274") == 4.0
+
+
+IO = Io(
+    "can0",
+    9,
+    "",
+    (("low", 0), ("ready", 1)),
+    (("air", 0), ("lamp", 1)),
+    digital_in=("low", "ready", "other"),
+    digital_out=("air", "lamp"),
+    read_on=("ready",),
+    read_off=("low",),
+)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "#5=#1001+#1000*2\nG0 X#5",
+        "#5=#[1000+1]\nN1 G0 X#5",
+        "IF[#1001EQ1]GOTO1\nG0 X9.\nN1 G0 X1.",
+        "WHILE[#1001EQ0]DO1\nG4 X0.5\nEND1\nG0 X1.",
+        "IF[#1001EQ1]THEN#5=1\nG0 X#5",
+    ],
+)
+def test_an_input_is_read_as_the_machine_file_says_and_waited_for(text: str) -> None:
+    made = blocks.read(f"G0 X7.\n{text}\n".encode(), machine(io=IO), "p").blocks
+    first, *waits, last = [block for block in made if isinstance(block, JointLine | Await)]
+    assert isinstance(first, JointLine) and isinstance(last, JointLine) and last.targets[0] == 1.0
+    found = {wait.number: wait.level for wait in waits if isinstance(wait, Await)}
+    assert found.pop(0, Level.LOW) is Level.LOW and found == {1: Level.HIGH} and len(waits) <= 2
+
+
+def test_outputs_are_switched_by_their_numbers() -> None:
+    made = blocks.read(b"G0 X1.\n#1101=1\nG0 X2.\n#1101=0\nG0 X3.\n", machine(io=IO), "p").blocks
+    other = blocks.read(b"G0 X1.\nM64 P1\nG0 X2.\nM65 P1\nG0 X3.\n", machine(io=IO), "p").blocks
+    states = lambda made: [(type(one), one.modal.outputs) for one in made]  # noqa: E731
+    assert states(made) == states(other) and len(made) == 5
+
+
+@pytest.mark.parametrize("text", ["G0 X#1002", "G0 X#1003", "#1001=1", "#1102=1", "G0 X#1101"])
+def test_other_inputs_and_outputs_are_refused_with_what_to_write(text: str) -> None:
+    with pytest.raises(ProgramError) as refused:
+        blocks.read(f"{text}\n".encode(), machine(io=IO), "p")
+    assert "M66 P" in refused.value.sentence or "M62" in refused.value.sentence

@@ -135,6 +135,7 @@ REASONS = {
     ),
     "fanuc": (
         *_BOTH,
+        Reason("G31", "R", _ALL, REFUSED, "R0 and R1 are signals"),
         Reason("G41 G42", "X", "G0 G1", REFUSED, "the lead-in is shorter than the radius of T1, which is in"),
         Reason("M298", "XYZAC", _CYCLES, REFUSED, _TWO),
         Reason("G91", "Z", _CYCLES, REFUSED, "a step up from R, where a hole goes down"),

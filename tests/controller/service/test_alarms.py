@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 from pathlib import Path
 
@@ -56,3 +57,14 @@ def test_an_alarm_that_waits_to_be_confirmed_is_found_after_many_others(tmp_path
     assert known.unconfirmed("FILE_DAMAGED") == first
     known.acknowledge(first["id"])
     assert known.unconfirmed("FILE_DAMAGED") is None
+
+
+def test_what_a_disk_did_not_take_goes_with_the_next_that_it_takes(tmp_path: Path) -> None:
+    with contextlib.closing(ServiceStore(tmp_path)) as store:
+        known = Alarms(store)
+        store.rows("PRAGMA query_only = 1")
+        lost = known.add("ESTOP", message("stopped"))
+        store.rows("PRAGMA query_only = 0")
+        assert store.rows("SELECT id FROM alarms") == []
+        known.add("TEST", message("stopped"))
+        assert Alarms(store).list()[1] == lost

@@ -12,12 +12,17 @@ from pathlib import Path
 import pytest
 from support.fakes import cutting_service
 from support.fakes.fake_engine import engine_of, served
+from support.machines.planning_bench import Bench
+from support.machines.stepped_runs import program
 
+from controller.ipc.handoff import COLUMN
 from controller.messages import message
 from controller.service import journal, room, thread_guard
-from controller.state.modes import Fault, Mode
+from controller.state.modes import Fault, Mode, Request
 from controller.store import service_store
 from controller.store.set_up_store import SPINDLE
+
+TEXT = program("example2_ready.ngc", "1000.")
 
 
 @pytest.fixture
@@ -99,3 +104,33 @@ def test_a_folder_that_takes_nothing_ends_the_start_in_a_sentence(small: Path) -
     subprocess.run(["mount", "-o", "remount,ro", str(small)], check=True)
     with pytest.raises(OSError, match="Read-only"):
         served(small)
+
+
+@pytest.mark.parametrize("takes_nothing", [False, True])
+def test_an_emergency_stop_in_a_cut_is_gone_on_with_whatever_the_disk_took(
+    takes_nothing: bool, small: Path
+) -> None:
+    """From the tick on, with the service's own plan: one that takes nothing is told, and has it all later."""
+    bench = Bench(small)
+    bench.armed(TEXT)
+    bench.rows.append(bench.stepped.go(1000))
+    fill(small)
+    bench.store.rows(f"PRAGMA query_only = {int(takes_nothing)}")  # as of a disk that was remounted
+    bench.rows.append(bench.stepped.go(300))
+    bench.request(Request.ESTOP)
+    modes, follow = bench.stepped.cycle.modes, bench.stepped.cycle.follow
+    bench.go(lambda: modes.mode is Mode.FAULT and follow.at_rest)
+    bench.rows.append(bench.stepped.go(400))
+    led = bench.program_rows()[-1]
+    assert modes.fault is Fault.EMERGENCY_STOP
+    assert bool(bench.journal.problem) is takes_nothing
+    bench.store.rows("PRAGMA query_only = 0")
+    bench.rows.append(bench.stepped.go(400))
+    assert not bench.journal.problem
+    again = Bench(small)  # after a reset of all
+    entry = again.offered(TEXT)
+    assert entry.fault == "EMERGENCY_STOP" and entry.spot.motion_id == int(led[COLUMN["motion_id"]])
+    assert 0.0 <= float(led[COLUMN["s"]]) - entry.spot.s < 20.0  # a second of feed
+    again.armed(TEXT, spot=entry.spot, start=entry.job.start, in_spindle=2)
+    again.until(Mode.READY)
+    again.assert_cut(TEXT, again.machine, entry.spot)

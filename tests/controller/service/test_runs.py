@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support.fakes.written_history import indexed
+from support.fakes.written_history import indexed, settled
 from support.machines.stepped_runs import shipped
 
 from controller import sealed_file
@@ -18,6 +18,7 @@ from controller.runtime.plan_messages import Program, Turn
 from controller.runtime.starts import Start
 from controller.service import runs
 from controller.service.runs import RunRecord
+from controller.state import record_files
 from controller.state.modes import Mode
 from controller.state.setpoints import SETPOINTS
 from controller.store.history import Run
@@ -63,7 +64,7 @@ def told(state: Path) -> Run:
 def test_a_run_whose_service_was_killed_is_lost_and_not_forgotten(tmp_path: Path) -> None:
     folder = killed(tmp_path)
     assert indexed(tmp_path) == [], "it may be under way"
-    assert runs.settle(tmp_path) == runs.settle(tmp_path) == []
+    assert settled(tmp_path) == settled(tmp_path) == []
     run = told(tmp_path)
     assert (run.facts["record"], run.program, run.sha256) == (folder.name, "part.ngc", "00")
     assert run.result == "lost" and run.began_s <= run.ended_s
@@ -75,21 +76,21 @@ def test_a_run_ended_when_its_last_setpoints_were_written(tmp_path: Path) -> Non
     folder = killed(tmp_path)
     written_s = folder.stat().st_mtime + 5.0
     os.utime(folder / "setpoints.part", (written_s, written_s))  # no other file of it was written later
-    runs.settle(tmp_path)
+    settled(tmp_path)
     assert told(tmp_path).ended_s == written_s
 
 
 @pytest.mark.parametrize("result", ["completed", "stopped", "fault", "interrupted"])
 def test_a_run_that_has_ended_is_not_lost(tmp_path: Path, result: str) -> None:
     begun(tmp_path, 10).end(result)
-    assert runs.settle(tmp_path) == []
+    assert settled(tmp_path) == []
     assert told(tmp_path).result == result
 
 
 def test_a_start_that_never_went_out_is_no_run(tmp_path: Path) -> None:
     RunRecord(tmp_path, MACHINE, WHAT)  # the service was killed while it planned
     begun(tmp_path).throw_away()
-    assert runs.settle(tmp_path) == [] and indexed(tmp_path) == []
+    assert settled(tmp_path) == [] and indexed(tmp_path) == []
 
 
 def test_a_service_killed_when_an_end_was_all_but_written_has_ended_it(tmp_path: Path) -> None:
@@ -97,7 +98,7 @@ def test_a_service_killed_when_an_end_was_all_but_written_has_ended_it(tmp_path:
     kept = (record.folder / "begun.json").read_text()
     record.end("completed")
     (record.folder / "begun.json").write_text(kept)
-    assert runs.settle(tmp_path) == [] and told(tmp_path).result == "completed"
+    assert settled(tmp_path) == [] and told(tmp_path).result == "completed"
     assert not (record.folder / "begun.json").exists()
 
 
@@ -108,12 +109,23 @@ def test_what_is_no_record_hides_no_other(tmp_path: Path, text: str) -> None:
     (tmp_path / "runs" / "a" / "begun.json").write_text(text)
     (tmp_path / "runs" / "2026-11-21T083120.042-part.ngc").mkdir()
     (tmp_path / "runs" / "2026-11-21T083120.042-part.ngc" / "begun.json").write_text(text)
-    assert len(runs.settle(tmp_path)) == 2 and runs.settle(tmp_path) == []
+    assert len(settled(tmp_path)) == 2 and settled(tmp_path) == []
     there = {run.facts["record"]: run for run in indexed(tmp_path)}
     assert folder.name in there and "a" in there
     lost = there["2026-11-21T083120.042-part.ngc"]
     assert lost.program == "part.ngc" and lost.result == "lost" and lost.began_s > 1.7e9
     assert (tmp_path / "runs" / lost.facts["record"] / "begun.json.damaged1").read_text() == text
+
+
+def test_an_end_that_is_damaged_is_written_anew_of_its_row(tmp_path: Path) -> None:
+    record = begun(tmp_path, 10)
+    facts = record.end("completed")
+    assert told(tmp_path).result == "completed"
+    file = record.folder / "run.json"
+    file.write_bytes(file.read_bytes()[:-9])
+    (loss,) = settled(tmp_path)
+    assert loss["key"] == "record_damaged" and settled(tmp_path) == []
+    assert record_files.facts(record.folder) == facts
 
 
 def test_a_disk_that_is_full_costs_the_record_and_not_the_run(

@@ -6,7 +6,7 @@ import contextlib
 from pathlib import Path
 
 import pytest
-from support.machines.tapping import Tapper
+from support.machines.tapping import Tapper, machine
 
 from controller import own_database
 from controller.ipc.handoff import blank
@@ -81,11 +81,12 @@ def damage(state: Path, name: str) -> None:
 @pytest.mark.parametrize(("way", "share"), [("M3", 0.6), ("M4", 0.25)])
 def test_a_stop_in_the_thread_is_turned_out_along_it(way: str, share: float, tmp_path: Path) -> None:
     program = PROGRAM.format(way=way)
-    plain = Tapper(motor=LAGGING)
+    made = machine(slower=True)
+    plain = Tapper(made, LAGGING)
     plain.run(program)
     first = next(i for i, now in enumerate(plain.seen) if now.thread_rev)
     ticks = first + round(share * len(plain.cut.turns))
-    tapper, guard = Tapper(motor=LAGGING), ThreadGuard(ServiceStore(tmp_path))
+    tapper, guard = Tapper(made, LAGGING), ThreadGuard(ServiceStore(tmp_path))
     assert tapper.run(program, Event(ticks, Request.STOP)).result == "stopped"
     for now in tapper.seen:
         guard.look(now, "part.ngc")

@@ -130,7 +130,8 @@ def test_what_is_held_stays_for_the_next_program() -> None:
     ("old", "new", "why"),
     [
         ('"vacuum"]\nheld', '"vacuum", "coolant"]\nheld', "is no output that programs may have"),
-        ('held = ["vacuum"]', 'held = ["mist"]', "is no output of programs"),
+        ('held = ["vacuum"]', 'held = ["mist"]', "is not in digital_out"),
+        ('held = ["vacuum"]', 'held = ["vacuum"]\nread_off = ["mist"]', "is not in digital_in"),
         ("M121", "M3", "is no code that a machine may have"),
         ('digital_out = ["air", "vacuum"]', 'digital_out = ["air", "air", "vacuum"]', "has a name twice"),
     ],

@@ -44,7 +44,7 @@ def test_check_verify_and_fit_say_the_same(seed: int, tmp_path) -> None:  # type
     if len(blocks) == 1:
         tool, (block,) = machine.tools[0], blocks
         placed = Strategy(cuts.strategy(block.modal, tool, machine))
-        tried = fits.trial(fits.Asked(block, machine), tool, placed, machine.tolerance_mm)
+        tried = fits.trial(fits.SurfaceToFit(block, machine), tool, placed, machine.tolerance_mm)
         most = max(one.largest_mm for one in found.verdicts)
         assert tried.off_mm == (math.inf if found.gouges else most)
 
@@ -88,5 +88,5 @@ def test_fit_names_the_largest_tool_of_the_table_that_a_check_lets_begin(seed: i
     text = random_surfaces.text(members, 600.0, "G42").replace("T2", "T1")
     read = checked.task(text.encode(), "drawn.ngc", machine).read()
     (block,) = (one for one in read if isinstance(one, CutBlock))
-    best = fits.fit(fits.Asked(block, machine), tools, 0.02)[-1]
+    best = fits.fit(fits.SurfaceToFit(block, machine), tools, 0.02)[-1]
     assert best.tool == max(keep, default=None)

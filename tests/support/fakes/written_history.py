@@ -27,6 +27,12 @@ def _empty() -> bytes:
         return sql.serialize()
 
 
+def settled(state: Path) -> list[Message]:
+    """What a service that starts on these records says of them."""
+    with contextlib.closing(ServiceStore(state)) as store:
+        return runs.settle(store, state)
+
+
 def indexed(state: Path) -> list[history.Run]:
     """The runs that a service which starts on these records knows."""
     written = WrittenHistory(state)

@@ -13,11 +13,12 @@ from support.machines.stepped_runs import shipped
 
 from controller.ipc.handoff import COLUMN
 from controller.machine import machine_file, setup_data
-from controller.machine.model import Machine
+from controller.machine.model import Joints, Machine
 from controller.plan.restart.program_position import Spot
 from controller.runtime import checked, events, replay, starts
 from controller.runtime.comparison import Comparison, off_path
 from controller.runtime.stepped import Run, SteppedMachine
+from controller.service.jobs import whole_from
 from controller.state.setpoints import SETPOINTS
 
 FIRST = COLUMN["setpoint_0"]
@@ -33,6 +34,7 @@ class Again:
     stepped: SteppedMachine
     live: np.ndarray  # (N, 5) setpoints in counts
     off_path: int = 1 << 40  # the tick from which on they were where the drives were
+    start: Joints | None = None  # of the whole run, of which motions have their numbers; None: homed
 
     @property
     def setpoints(self) -> np.ndarray:
@@ -69,7 +71,7 @@ def again(folder: Path, text: str, machine: Machine | None = None) -> Again:
     compared = Comparison(folder, recorded)
     run = replay.again(bench, walk, part, recorded, compared)
     assert compared.difference is None
-    return Again(run, bench, live, off_path(recorded))
+    return Again(run, bench, live, off_path(recorded), whole_from(begin.start))
 
 
 def assert_same_setpoints(done: Again, ended_itself: bool = True) -> None:
@@ -85,9 +87,10 @@ def assert_cut(done: Again, text: str, spot: Spot) -> None:
 
     Of a spot behind the last of them nothing is left to cut, and no row is compared.
     """
-    wanted = segments(text, done.stepped.machine)
+    wanted = segments(text, done.stepped.machine, done.start)
     rows = program_rows(done.run.rows)  # rapids begin wherever the run did
     feeds = [number for number, segment in wanted.items() if segment.feed_mm_s is not None]
     cut = rows[np.isin(rows[:, COLUMN["motion_id"]], feeds)]
-    assert distance(cut, wanted, done.stepped.kinematics) < SAME_MM
+    far = distance(cut, wanted, done.stepped.kinematics)
+    assert far < SAME_MM, far
     assert_rest_is_cut(done.run.rows, wanted, spot)

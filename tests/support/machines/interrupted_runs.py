@@ -101,8 +101,9 @@ def fresh(machine: Machine | None = None) -> SteppedMachine:
     return made
 
 
-def rest_of(text: str, spot: Spot, machine: Machine) -> Rest:
-    return restart.find(source(text, machine), spot)
+def rest_of(text: str, spot: Spot, machine: Machine, start: Joints | None = None) -> Rest:
+    """``start``: where the whole run began that the spot is of; None: from the homed position."""
+    return restart.find(source(text, machine, start=start), spot)
 
 
 def resumed(stepped: SteppedMachine, rest: Rest, events: Sequence[Event] = (), in_spindle: int = 1) -> Cut:
@@ -131,7 +132,9 @@ def distance(rows: np.ndarray, wanted: dict[int, Segment], kinematics: Kinematic
 
 
 def assert_rest_is_cut(rows: np.ndarray, wanted: dict[int, Segment], spot: Spot) -> None:
-    """From the spot on every feed motion of the program is gone through to its end, in order."""
+    """From the spot on every feed motion of the program is gone through to its end, in order; the rest of one
+    that leads off is passed over.
+    """
     mine = program_rows(rows)
     ids, s = mine[:, COLUMN["motion_id"]].astype(int), mine[:, COLUMN["s"]]
     stood = mine[1:, COLUMN["switches"]].astype(int) & STOOD != 0  # what no drive has used is taken back
@@ -139,6 +142,7 @@ def assert_rest_is_cut(rows: np.ndarray, wanted: dict[int, Segment], spot: Spot)
     assert (np.diff(ids)[~stood] >= 0).all() and (np.diff(s)[onward] >= -1e-9).all()
     for number, segment in wanted.items():
         begun = number > spot.motion_id or (number == spot.motion_id and spot.s < segment.motion.end - 1e-3)
+        begun = begun and (number, segment.name) != (spot.motion_id, "lead out")
         if spot.motion_id < 0:  # a pause, behind a rapid that is not gone through in part
             begun = segment.place.line >= spot.line
         if segment.feed_mm_s is None or not begun:

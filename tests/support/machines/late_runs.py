@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import count
@@ -25,6 +25,7 @@ from controller.machine.compensation import reversal
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Limits, Machine
 from controller.runtime import checked
+from controller.runtime.bench.fault_file import MachineScript
 from controller.runtime.events import Event
 from controller.runtime.stepped import Run
 from controller.state.modes import Fault, Request
@@ -56,6 +57,9 @@ class Late(NamedTuple):
     asked: Sequence[Event] = ()
     within: bool = False  # no tick is later than the stock lasts
     to_end: bool = False
+    faults: str = ""  # script of what befalls the buses, from the fork on
+    silent: Sequence[range] = ()  # ticks in which the planner has no turn
+    again: bool = False  # after its end the machine comes up, and the program begins anew
 
     @property
     def last(self) -> int:
@@ -81,7 +85,12 @@ class Played(NamedTuple):
     motors: tuple[float, ...]  # when it was sent, mm and rad
     shaft: float | None = None  # of the spindle, where there is one, and ...
     turned: float | None = None  # ... where a thread has begun (rev)
-    follow: bool = True  # all drives go by their setpoints, and none stops by itself
+    words: tuple[int, ...] = ()  # that the drives were sent, with ``FOLLOWS``
+
+    @property
+    def follow(self) -> bool:
+        """Whether all drives go by their setpoints, and none stops by itself."""
+        return all(word & FOLLOWS for word in self.words)
 
 
 class Watched(Forkable):
@@ -106,8 +115,8 @@ class Watched(Forkable):
 
         def noted(due_ns: int, late_ns: int) -> None:
             shaft = None if self.rig.spindle is None else float(self.rig.spindle.axis.servo.shaft)
-            words = player._memory.words[: len(machine.axes)]
-            place = self.motors(), shaft, self.turned(), all(word & FOLLOWS for word in words)
+            words = tuple(player._memory.words[: len(machine.axes)])
+            place = self.motors(), shaft, self.turned(), words
             self.played[player.period] = Played(player.phase, tuple(player._counts), *place)
             send(due_ns, late_ns)
 
@@ -145,6 +154,11 @@ class Watched(Forkable):
 
         if late.slow_s:
             stock.publish = published  # type: ignore[method-assign]
+        if late.faults:
+            MachineScript.read(late.faults, self.machine).inject(self.rig.buses, self.machine.period_s)
+        if late.silent:
+            plan = self._plan
+            self._plan = lambda: None if any(clock.waits - first in one for one in late.silent) else plan()  # type: ignore[method-assign]
 
 
 # ---- the run in time
@@ -297,14 +311,19 @@ def moving(rows: Array, same: float = 0.0) -> Array:
 
 # ---- the cases
 
+# Of a child, from the period on in which it forked; with the stops that had been made by then, and its run.
+Judge = Callable[[Healthy, Watched, Verdict, int, int, Run | None], None]
 
-def cases(healthy: Healthy, lates: Sequence[tuple[int, Late]]) -> Iterator[Verdict]:
+
+def cases(
+    healthy: Healthy, lates: Sequence[tuple[int, Late]], judge: Judge | None = None
+) -> Iterator[Verdict]:
     """``lates``: with the tick of the run behind which each forks off, in that order."""
     parent, waiting, found = healthy.up(), list(lates), list[Verdict]()
     parent.warned.clear()
     assert parent.cycle.tick == healthy.first
     events: list[Event] = []
-    parent.at_tick = lambda: _forks(healthy, parent, waiting, events, found)
+    parent.at_tick = lambda: _forks(healthy, parent, waiting, events, found, judge or judged)
     with parent.nursery():
         run = parent.run(parent.walk(healthy.text), events)
         if parent.is_child:
@@ -319,18 +338,19 @@ def _forks(
     waiting: list[tuple[int, Late]],
     events: list[Event],
     found: list[Verdict],
+    judge: Judge,
 ) -> None:
     n = parent.cycle.tick - healthy.first
     while waiting and waiting[0][0] <= n:
         fork, late = waiting.pop(0)
         verdict = parent.fork()
         if verdict is None:
-            _go_on(healthy, parent, Verdict(late, fork), events)
+            _go_on(healthy, parent, Verdict(late, fork), events, judge)
             return
         found.append(verdict)
 
 
-def _go_on(healthy: Healthy, child: Watched, verdict: Verdict, events: list[Event]) -> None:
+def _go_on(healthy: Healthy, child: Watched, verdict: Verdict, events: list[Event], judge: Judge) -> None:
     """In the child: what befalls it, and its end."""
     late, clock = verdict.late, child.clock
     period, first = child.cycle.tick, clock.waits
@@ -353,7 +373,7 @@ def _go_on(healthy: Healthy, child: Watched, verdict: Verdict, events: list[Even
     child.befall(late)
 
 
-def judge(
+def judged(
     healthy: Healthy, child: Watched, verdict: Verdict, period: int, braked: int, run: Run | None
 ) -> None:
     """From just before the fork to the end, or to where the drives stop by themselves."""

@@ -14,7 +14,7 @@ from controller.ipc.handoff import Jog, send_jog
 from controller.machine import setup_data
 from controller.machine.model import Machine
 from controller.runtime.plan_messages import Answer, Program
-from controller.service.engine import Asked
+from controller.service.engine import SentRequest
 from controller.service.runs import RunRecord
 from controller.state.modes import Mode, Request
 
@@ -25,7 +25,7 @@ class RecordedBench(Bench):
     record: RunRecord
 
     def __init__(self, folder: Path, *more: Any) -> None:
-        self.asked: deque[Asked] = deque()
+        self.asked: deque[SentRequest] = deque()
         self._is_on, self._heard = False, 0
         super().__init__(folder, *more)
         self._rows = copy.copy(self.stepped.recorder)  # with its own place in the ring
@@ -59,12 +59,12 @@ class RecordedBench(Bench):
         return self.record.folder
 
     def request(self, request: Request, value: float = 0.0) -> None:
-        self.asked.append(Asked(request, value, None, self.stepped.request(request, value)))
+        self.asked.append(SentRequest(request, value, None, self.stepped.request(request, value)))
         self.rows.append(self.stepped.go(10))
 
     def jog(self, line: Jog) -> None:
         number = next(self.stepped._numbers)
-        self.asked.append(Asked(Request.JOG, 0.0, line, number))
+        self.asked.append(SentRequest(Request.JOG, 0.0, line, number))
         send_jog(self.stepped._operator, line, number)
         self.rows.append(self.stepped.go(10))
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from support.machines.spindle_machine import SPINDLE, mill
+from support.machines.spindle_machine import SLOWER, SPINDLE, mill
 
 from controller.ipc.handoff import Snapshot
 from controller.machine.model import Machine
@@ -20,8 +20,9 @@ from drives.bench.simulated.spindle_motor import MotorParameters
 POSITION = "counts_per_rev = 4096\nposition = { acceleration_rev_s2 = 50.0, load = true }"
 
 
-def machine(position: str = POSITION, io: str = "", clamps: str = "") -> Machine:
-    return mill(SPINDLE.replace("counts_per_rev = 4096", position), io, clamps)
+def machine(position: str = POSITION, slower: bool = False) -> Machine:
+    changes = (SLOWER,) if slower else ()
+    return mill(SPINDLE.replace("counts_per_rev = 4096", position), "", "", changes=changes)
 
 
 class Cut(NamedTuple):

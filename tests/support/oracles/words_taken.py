@@ -253,7 +253,7 @@ G28 | XYZACUVW | m
 G28.1 | |
 G30 | XYZACUVWP | m
 G30.1 | |
-G31 Z1. | XYAC | m | M5
+G31 Z1. | XYACPR | m | M5
 G40 | | 028
 G41 D1 | | 02
 G42 D1 | | 02
@@ -267,6 +267,7 @@ G50 | |
 G50.1 X0. | YZ |
 G51.1 X0. | YZ |
 G52 Z1. | XYAC |
+G60 X1. | YZAC | m
 G53 G0 Z1. | XYAC | m
 G53.1 | P | m | G68.2 X0. Y0. Z0. I0. J0. K0.
 G53.6 | PH | m | G68.2 X0. Y0. Z0. I0. J0. K0.

@@ -8,11 +8,10 @@ from typing import Any, NamedTuple
 from support.machines.traced_programs import mill
 
 from controller.geometry.vectors import Vector, subtract
-from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Joints, Machine
 from controller.motion.motions import JointMove
+from controller.plan.context import Context
 from controller.plan.lines import moves
-from controller.plan.segment import Diagnostics
 from controller.program import blocks
 from controller.program.position import Position, homed
 from controller.program.program import JointArc, JointLine
@@ -38,15 +37,15 @@ def fanuc_mill(**fields: Any) -> Machine:
 
 def ways(text: str, on: Machine, samples: int) -> list[Way]:
     """Of each line and arc, ``samples`` steps long. Raises ProgramError."""
-    chain, position, voice = kinematics_of(on), Position(on, homed(on)), Diagnostics("p", lambda _, __: None)
+    context, position = Context.silent(on, "p"), Position(on, homed(on))
     origin, found = on.offsets[0].origin, list[Way]()
     for block in blocks.stream(text.encode(), on, "p"):
         now: Joints = tuple(q or 0.0 for q in position.joints())
         position.take(block)
         if isinstance(block, JointArc):
-            made = moves.arc(block, on, chain, now, voice)
+            made = moves.arc(block, context, now)
         elif isinstance(block, JointLine):
-            made = moves.line(block, on, chain, now)
+            made = moves.line(block, context, now)
         else:
             continue
         if made is None or not isinstance(made.motion, JointMove):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from controller.plan.feed import barrier
-from controller.plan.feed.barrier import Form, Limits
+from controller.plan.feed.barrier import Form, Limits, Ties
 
 SEEDS = range(6)
 
@@ -38,11 +38,13 @@ def line(
     straight = [_times(slope, 0.5 / acceleration), _times(slope, -0.5 / acceleration)]
     both = [_times(bend, 0.5 * scale / jerk), _times(bend, -0.5 * scale / jerk)]
     full = np.full(n + 2, cap)
-    first = None if held else 0.2
+    starts, ends = (
+        Ties(np.array(of, dtype=np.intp), np.full(len(of), 0.2)) for of in ([] if held else [0], [n + 1])
+    )
     prices = np.full(n + 2, barrier.PRICE)
     most = np.full((2, n), scale)
     return Limits(
-        _stack([middle]), h, _stack(straight), _stack(both), _stack([z, z]), most, full, prices, first, 0.2
+        _stack([middle]), h, _stack(straight), _stack(both), _stack([z, z]), most, full, prices, starts, ends
     )
 
 

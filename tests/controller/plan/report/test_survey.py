@@ -67,9 +67,9 @@ M30
 
 
 def test_a_row_of_rests_is_surveyed_as_motion_after_motion(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Many straight motions at once have the ticks, shares, times and holes that each has alone."""
+    """Many ways at once have the ticks, shares, times and holes that each has alone."""
     found, blocks = looked_at(CHORDS)
-    monkeypatch.setattr(planned._Windows, "_straights", lambda *_: [])
+    monkeypatch.setattr(planned._Windows, "_ways", lambda *_: [])
     alone, one_by_one = looked_at(CHORDS)
     assert found.ticks == alone.ticks
     assert_near(found.to_dict(), alone.to_dict())

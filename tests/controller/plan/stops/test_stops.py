@@ -416,3 +416,19 @@ def test_a_bound_on_whole_steps_lets_pass_what_a_look_at_their_places_does(
 
     monkeypatch.setattr(check, "_surely_within", nothing)
     assert found == tables(source, machine)
+
+
+@pytest.mark.parametrize("by_its_turn", [True, False])
+def test_a_turn_beside_which_x_y_and_z_hardly_move(by_its_turn: bool) -> None:
+    """Its s is in degrees: in so few millimetres half a turn had no places. Stops are found of either."""
+    machine = shipped(period_s=0.01)
+    start, end = (-52.95, 61.16, 260.0, 0.0951, 0.0), (-52.950001, 61.159999, 260.0, 0.0951, 3.0767)
+    segment = straight("position", Place(1, 1), start, end, None, kinematics_of(machine))
+    assert segment is not None and segment.motion.end == pytest.approx(math.degrees(3.0767))
+    if not by_its_turn:
+        segment = replace(segment, motion=replace(segment.motion, end=math.hypot(1e-6, 1e-6)))  # type: ignore[type-var]
+    course = FeedCourse([segment], machine, kinematics_of(machine))
+    plan = profile.plan(course)
+    assert plan is not None
+    table = stops(course, plan, 0.0, plan.duration_s, step(machine))
+    assert np.count_nonzero(np.diff(table.first)) > (20 if by_its_turn else 0)

@@ -17,8 +17,9 @@ from controller.machine import machine_file
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
 from controller.motion.motions import Rotaries
+from controller.plan.context import Context
 from controller.plan.path.path import stream
-from controller.plan.segment import ContinuousPath, Diagnostics, Path, rotaries_of
+from controller.plan.segment import ContinuousPath, Path, rotaries_of
 from controller.plan.surfaces import auto, legs, train
 from controller.plan.surfaces.choices import choices
 from controller.program import blocks
@@ -72,10 +73,8 @@ def test_the_program_turns_no_farther_than_with_any_other_branches(leans: tuple[
     for code in range(2 ** len(leans)):
         now, total = (0.0, 0.0), 0.0
         for bit, block in enumerate(blocks.read(text.encode(), built, "part.ngc").blocks[:-1]):
-            (cut,) = auto.build(block, built, Diagnostics("", lambda place, sentence: None))
-            ways = legs.options(
-                legs.Fields([cut], kinematics), built, now, Diagnostics("", lambda p, s: None)
-            )
+            (cut,) = auto.build([block], Context.silent(built))
+            ways = legs.options(legs.Fields([cut], kinematics), Context.silent(built), now)
             start = ways[code >> bit & 1].way.start
             total += abs(start[0] - now[0]) + abs(start[1] - now[1])
             now = start
@@ -86,13 +85,13 @@ def test_the_program_turns_no_farther_than_with_any_other_branches(leans: tuple[
 @pytest.mark.parametrize("name", ["trunnion", "head_head", "table_head"])
 def test_no_cut_is_slower_than_on_another_branch_that_fits(name: str) -> None:
     """As it is planned, and with the rotaries led to either branch; those of these two heads are alike."""
-    silent = Diagnostics("part.ngc", lambda place, sentence: None)
     built = replace(machine_file.load(name), gouge="warn")
+    silent = Context.silent(built, "part.ngc")
     kinematics, now = kinematics_of(built), tuple(axis.homing.position for axis in built.axes)
     near, apart = rotaries_of(now, kinematics), 0
     for seed in range(2):
         read = blocks.read(text(compound(seed, 1), 9000.0).encode(), built, "part.ngc")
-        cuts = auto.build(next(b for b in read.blocks if isinstance(b, CutRuled)), built, silent)
+        cuts = list(auto.build([next(b for b in read.blocks if isinstance(b, CutRuled))], silent))
         order = cuts[0].block.place.order
 
         def cut_s(chosen: dict[int, Rotaries], blocks: Sequence[Block] = read.blocks) -> float:
@@ -103,7 +102,7 @@ def test_no_cut_is_slower_than_on_another_branch_that_fits(name: str) -> None:
             laws = zip(chain.segments, laws_of(chain.segments, built), strict=True)
             return sum(law.duration_s for segment, law in laws if segment.name == "cut")
 
-        options = legs.options(legs.Fields(cuts, kinematics), built, near, silent)
+        options = legs.options(legs.Fields(cuts, kinematics), silent, near)
         starts = [one.way.start for one in options if one.way.inside and any(one.way.shifts(built, near))]
         every = [cut_s({order: start}) for start in starts]
         taken = cut_s(choices(read.blocks, built, kinematics, now, "part.ngc"))
@@ -129,27 +128,27 @@ def test_a_program_that_is_refused_somewhere_gives_the_choices_before() -> None:
 
 
 def test_without_choices_or_with_wrong_ones_a_train_decides_for_itself() -> None:
-    built, kinematics = mill(gouge="warn"), kinematics_of(mill())
-    voice = Diagnostics("part.ngc", lambda place, sentence: None)
+    built = mill(gouge="warn")
+    silent = Context.silent(built, "part.ngc")
     (block,) = blocks.read(CONE.format("90.").encode(), built, "part.ngc").blocks
     assert isinstance(block, CutCone)
-    (cut,) = auto.build(block, built, voice)
-    alone = train.choose([cut], built, kinematics, (0.0, 0.0), voice)
-    wrong = train.choose([cut], built, kinematics, (0.0, 0.0), voice, (0.1, 0.2))
+    (cut,) = auto.build([block], silent)
+    alone = train.choose([cut], silent, (0.0, 0.0))
+    wrong = train.choose([cut], silent, (0.0, 0.0), (0.1, 0.2))
     assert wrong[0].start == alone[0].start
     other = (-alone[0].start[0], alone[0].start[1] + math.pi + 4.0 * math.pi)
-    wanted = train.choose([cut], built, kinematics, (0.0, 0.0), voice, other)
+    wanted = train.choose([cut], silent, (0.0, 0.0), other)
     assert wanted[0].start == pytest.approx(other, abs=1e-9)
 
 
 def test_of_a_long_train_only_the_ends_of_its_cuts_are_kept() -> None:
     """A thousand surfaces of one chain took 32 MB while their branch was chosen."""
     built, kinematics = mill(gouge="warn"), kinematics_of(mill())
-    voice = Diagnostics("part.ngc", lambda place, sentence: None)
+    silent = Context.silent(built, "part.ngc")
     (block,) = blocks.read(CONE.format("90.").encode(), built, "part.ngc").blocks
     assert isinstance(block, CutCone)
-    fields = legs.Fields(auto.build(block, built, voice), kinematics)
-    kept, whole = (legs.options(fields, built, (0.0, 0.0), voice, whole) for whole in (False, True))
+    fields = legs.Fields(list(auto.build([block], silent)), kinematics)
+    kept, whole = (legs.options(fields, silent, (0.0, 0.0), whole) for whole in (False, True))
     assert [one.way for one in kept] == [one.way for one in whole] and len(kept) == 2
     for one, other in zip(kept, whole, strict=True):
         assert len(one.legs[0].u) == 2 < len(other.legs[0].u)

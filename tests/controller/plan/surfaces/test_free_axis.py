@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import random
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 
@@ -11,6 +12,8 @@ import numpy as np
 import pytest
 from scipy.interpolate import make_interp_spline
 from scipy.optimize import linprog
+from support.machines.planned_laws import chains, laws_of
+from support.machines.stepped_runs import shipped
 from support.oracles import ruled_surfaces
 from support.oracles.drawn_tools import border
 from support.parts.paper_surfaces import example_2
@@ -19,13 +22,17 @@ from support.parts.twisted_blades import blade, normal_turns_deg, off_by_brute_f
 
 from controller.geometry.curves import Bezier
 from controller.geometry.placement import Placed, Strategy
-from controller.geometry.splines import BSpline
+from controller.geometry.splines import BSpline, splined
 from controller.geometry.surfaces import RuledSurface
-from controller.machine.model import Tool
+from controller.machine.model import Machine, Tool
 from controller.machine.tool_profile import flank
+from controller.memory import forget
+from controller.plan.surfaces import cuts, free_axis, placements, placing
 from controller.plan.surfaces.axis_curves import Basis, joined
 from controller.plan.surfaces.banded_rows import Rows, least_largest
 from controller.plan.surfaces.placing import Cutter, Row, place
+from controller.program import blocks
+from controller.program.program import CutRuled
 
 PLAIN = Cutter(3.0, 0.0, 0.0)
 SAME_MM, SAME_SHARE = 1e-3, 0.03  # of the deviation of one surface, however it is written
@@ -134,6 +141,70 @@ def test_edges_whose_bends_jump_near_their_ends_are_cut_as_well_as_without_these
     off = _off_of_parts(surface, Row(parts, parts, PLAIN).placed(Strategy.OPTIMAL))
     print(f"{1e3 * alone:.2f} um, prolonged {1e3 * off:.2f}")
     assert off <= max(alone + SAME_MM, 1.1 * alone)
+
+
+def program_of(blocks: Sequence[RuledSurface], words: str = "G42 P3") -> str:
+    """Each surface as one G52 block."""
+    rows = ["G21 G90 T50 M6", "S9000 M3", words]
+    for k, one in enumerate(blocks):
+        points = [p for rail in (one.upper, one.lower) for p in splined(rail).spans[0]]
+        text = [" ".join(f"{a}{c:.6f}" for a, c in zip("XYZ", p, strict=True)) for p in points]
+        rows += [f"G52 {text[0]}" + ("" if k else " F1500."), *text[1:]]
+    return "\n".join([*rows, "M5", "M30", ""])
+
+
+def mill_of(radius: float) -> Machine:
+    """The shipped trunnion with a cutter of that radius as T50."""
+    made = shipped()
+    return replace(made, tools=(*made.tools, Tool(50, "end mill", radius, 60.0, 70.0)))
+
+
+def cuts_of(source: str) -> tuple[list[Placed], float]:
+    """The surfaces that are cut, all in one chain, and how long that takes."""
+    made = mill_of(3.0)
+    (chain,) = (c for c in chains(source, made) if any(s.cutting for s in c.segments))
+    laws = zip(chain.segments, laws_of(chain.segments, made), strict=True)
+    seconds = sum(law.duration_s for segment, law in laws if "lead" not in segment.name)
+    return [s.motion.surface for s in chain.segments if s.cutting], seconds
+
+
+@pytest.mark.parametrize(
+    ("seed", "places"),
+    [(21, [0.5]), *(pytest.param(seed, [0.3, 0.7], marks=pytest.mark.slow) for seed in (3, 4, 6))],
+)
+def test_a_surface_in_several_blocks_is_cut_as_in_one(seed: int, places: list[float]) -> None:
+    """Placed block by block it was up to 4.6 times as far off, with a pivot at each joint."""
+    whole = blade_of(seed)
+    (one, seconds), (several, longer) = (cuts_of(program_of(in_parts(whole, at))) for at in ([], places))
+    assert len(one) == 1 and len(several) == 1 + len(places)
+    best, off = _off_of_parts(whole, tuple(one)), _off_of_parts(whole, tuple(several))
+    print(f"seed {seed}: {1e3 * best:.2f} um in {seconds:.3f} s, in blocks {1e3 * off:.2f} in {longer:.3f}")
+    assert abs(off - best) <= max(SAME_MM, SAME_SHARE * best)
+    assert longer <= 1.01 * seconds
+
+
+def test_a_wall_that_its_rulings_cut_exactly_stays_so_beside_a_twisted_one() -> None:
+    legs = {0.0: (0.0, 8.0, 16.0, 24.0), 12.0: (0.0, 8.0, 16.0, 24.0)}
+    sways = {0.0: (0.0, 0.0, 0.0, 2.0), 12.0: (0.0, 0.0, 3.0, 9.0)}
+    flat = (Bezier(tuple((x - 24.0, 0.0, z) for x in legs[z])) for z in (12.0, 0.0))
+    twisted = (Bezier(tuple((x, y, z) for x, y in zip(legs[z], sways[z], strict=True))) for z in (12.0, 0.0))
+    walls = RuledSurface(*flat), RuledSurface(*twisted)
+    assert len(joined(walls)) == 1
+    first, second = cuts_of(program_of(walls))[0]
+    assert not isinstance(first, Placed) or first.through is None
+    assert isinstance(second, Placed) and second.through is not None
+
+
+def test_what_was_searched_ahead_for_blocks_is_what_their_path_asks_for(monkeypatch) -> None:
+    source = program_of(in_parts(blade_of(21), [0.5]))
+    made = mill_of(3.0)
+    read = [b for b in blocks.read(source.encode(), made, "p").blocks if isinstance(b, CutRuled)]
+    (group,) = cuts.placed_together(read, made)
+    for wanted in cuts.required_placements(group, made):
+        placements.learn(placing.searched(wanted))
+    forget()
+    monkeypatch.setattr(free_axis, "best", lambda *_: pytest.fail("searched again"))
+    assert all(one.through is not None for one in cuts_of(source)[0])
 
 
 def test_where_the_contact_stands_still_or_a_crease_is_an_axis_is_not_led_on() -> None:

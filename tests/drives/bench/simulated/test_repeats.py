@@ -39,6 +39,8 @@ ACTS: dict[str, Act] = {
     "a position offset": lambda bench: bench.write(0x60B0, 0, (700).to_bytes(4, "little")),
     "a slow motor": lambda bench: bench.write(0x607F, 0, (1000).to_bytes(4, "little")),
     "a short way": lambda bench: bench.write(0x607D, 2, (5).to_bytes(4, "little")),
+    "armed probes": lambda bench: bench.write(0x60B8, 0, (0x3131).to_bytes(2, "little")),
+    "a brake at a terminal": lambda bench: bench.write(0x60FE, 2, (1).to_bytes(4, "little")),
     "velocity mode": lambda bench: bench.write(0x6060, 0, b"\x09"),
     "profile position": lambda bench: bench.write(0x6060, 0, b"\x01"),
     "stopped by NMT": lambda bench: bench.port.send(bytes.fromhex("0000000002000000 0200000000000000")),
@@ -73,7 +75,7 @@ def run(bench: Bench, act: Act) -> list[object]:
 def test_a_drive_at_rest_repeats_itself_and_nothing_else_is_different(what: str) -> None:
     plain, slow, repeats = Bench(), Bench(), []
     repeat = plain.drive._repeat
-    plain.drive._repeat = lambda at_s: (repeats.append(at_s), repeat(at_s))[1]  # type: ignore[method-assign]
+    plain.drive._repeat = lambda *how: (repeats.append(how), repeat(*how))[1]  # type: ignore[method-assign]
     slow.drive._may_repeat = lambda: False  # type: ignore[method-assign]
     assert run(plain, ACTS[what]) == run(slow, ACTS[what])
     assert len(repeats) > AT_REST / 2, "or nothing was tried"
