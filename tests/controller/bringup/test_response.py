@@ -124,7 +124,7 @@ FRESH = [pytest.param(first, marks=pytest.mark.slow) for first in range(2000, 21
 
 @pytest.mark.parametrize("first", FRESH)
 def test_the_bode_diagram_of_axes_of_any_kind_is_their_model_wherever_it_is_shown(first: int) -> None:
-    """Loops of 4 to 150 Hz behind a current loop of 0.3 to 6 ms, delays of up to 8 ms, light and heavy axes."""
+    """Loops of 4 to 150 Hz behind a current loop of 0.3 to 6 ms, delays of up to 8 ms, any mass."""
     for seed in range(first, first + 10):
         draw = np.random.default_rng(seed)
         counts, A, V = (drawn(draw, *ends) for ends in ((100.0, 20_000.0), (100.0, 20_000.0), (10.0, 1000.0)))
