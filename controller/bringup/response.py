@@ -8,9 +8,11 @@ delay of the answer: that is taken out before the sum, and put back behind it.
 
 What of Y is not H U is noise, where H goes straight through its value in the middle of a band. Of K bins its
 power is what is left of S_yy by K - 2, or what rounding to counts leaves in differences of N positions, where
-that is more: N count^2 / 12 |1 - exp(-jwT)|^2. The root of that power by S_uu is the deviation of H. A band
-of which five of them are more than 5 % of H is left out: the diagram of a coarse encoder ends where its
-counts begin to be what is seen.
+that is more: N count^2 / 12 |1 - exp(-jwT)|^2. The root of that power by S_uu is the deviation of H, of which
+five are counted. But what is rounded moves with the setpoints and may be in step with them, and a resonance
+bends H within a band: by as much as what is left differs from what rounding leaves, all K bins may add up (no
+cross spectrum is more than sqrt(S_uu S_nn)). A band in which both together are more than 5 % of H is left
+out: the diagram of a coarse encoder ends where its counts begin to be what is seen.
 
 What is late by the bus alone is no matter of the drive: ``latency`` ticks are counted (``live_state``).
 """
@@ -31,7 +33,7 @@ from controller.geometry.arrays import Array
 
 BANDS_PER_OCTAVE = 8
 MIN_BINS = 4  # of the transform in a band
-DEVIATIONS = 5.0  # that an answer may be off: counts are no noise that the strokes know nothing of
+DEVIATIONS = 5.0  # that an answer may be off
 MAX_UNCERTAINTY = 0.05  # of an answer's size
 STEADY_SHARE = 0.02  # of the speed by which that of a ramp may differ from tick to tick
 HALF_POWER = math.sqrt(0.5)  # -3 dB
@@ -127,8 +129,10 @@ def bode(ticks: AxisTicks, highest_hz: float, count: float) -> Bode:
             continue
         step = abs(1.0 - cmath.exp(-2j * math.pi * middle * ticks.period_s))
         rounding = len(u) / 12.0 * (count * step) ** 2
-        noise = max(rounding, (syy - abs(suy) ** 2 / suu - bent) / (high - low - 2))
-        uncertainty = DEVIATIONS * math.sqrt(noise * suu) / abs(suy)
+        left = max(0.0, (syy - abs(suy) ** 2 / suu - bent) / (high - low - 2))
+        in_step = (high - low) * abs(left - rounding)
+        off = math.sqrt(DEVIATIONS**2 * max(rounding, left) + in_step)
+        uncertainty = off * math.sqrt(suu) / abs(suy)
         if uncertainty <= MAX_UNCERTAINTY:
             rows.append((middle, abs(suy) / suu, cmath.phase(suy), uncertainty, middle * lag_s))
     table = np.array(rows).reshape(-1, 5).T
