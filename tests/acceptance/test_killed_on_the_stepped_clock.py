@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.live.replayed_runs import Again, assert_cut
-from support.machines.interrupted_runs import fresh
+from support.machines.interrupted_runs import assert_rest_is_cut, fresh, rest_of, resumed, segments
 from support.machines.planning_bench import Bench
 from support.machines.stepped_runs import cut, program
 
@@ -110,3 +110,14 @@ def test_a_cut_that_begins_where_another_was_stopped_is_judged_by_its_own_motion
     assert_cut(done, TEXT, begin)
     with pytest.raises(AssertionError):
         assert_cut(replace(done, start=None), TEXT, begin)
+
+
+def test_a_rest_from_within_the_lead_out_begins_behind_it() -> None:
+    """All has been cut there, and the tool is beside the part."""
+    stepped, wanted = fresh(), segments(TEXT, fresh().machine)
+    number, way = next((n, one) for n, one in wanted.items() if one.name == "lead out")
+    spot = Spot(way.place.line, 1.0, number, 0.8 * way.motion.end)
+    done = resumed(stepped, rest_of(TEXT, spot, stepped.machine), in_spindle=2)
+    assert done.run.result == "completed"
+    assert number not in done.run.rows[:, COLUMN["motion_id"]]
+    assert_rest_is_cut(done.run.rows, wanted, spot)

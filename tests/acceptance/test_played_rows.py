@@ -84,4 +84,4 @@ def test_whatever_befalls_a_run_each_row_is_what_was_sent_and_no_drive_jumps(nam
 
 
 def test_a_few_runs_that_late_ticks_and_faults_befall() -> None:
-    searched(random.Random("played rows, a few"), "three_axes", 6)
+    searched(random.Random("played rows, a few"), "three_axes", 3)
