@@ -214,11 +214,10 @@ class SimulatedDrive(Device):
     def _report(self, frame: bytes, now_s: float) -> None:
         """The TPDOs of this SYNC: what was true at the SYNC, sent a little later."""
         if self._fast_out:
-            axis = self.axis
-            position = round(axis.servo.position)
+            position = round(self.axis.servo.position)
             if not INT32_MIN <= position <= INT32_MAX:
-                position = axis.actual()
-            self._said = FEEDBACK.pack(self._fast_out, PDO_BYTES, axis.statusword, position)
+                position = self.axis.actual()
+            self._said = FEEDBACK.pack(self._fast_out, PDO_BYTES, self.axis.statusword, position)
         self._send(frame, now_s)
 
     def _send(self, frame: bytes, now_s: float) -> None:

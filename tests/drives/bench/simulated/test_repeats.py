@@ -7,6 +7,7 @@ from collections.abc import Callable
 import pytest
 from support.drives.stepped_drives import Bench
 
+from drives.bench.simulated.data_sheet import key
 from drives.bench.simulated.inputs import POSITIVE_LIMIT
 
 AT_REST = 200  # ticks
@@ -79,6 +80,35 @@ def test_a_drive_at_rest_repeats_itself_and_nothing_else_is_different(what: str)
     slow.drive._may_repeat = lambda: False  # type: ignore[method-assign]
     assert run(plain, ACTS[what]) == run(slow, ACTS[what])
     assert len(repeats) > AT_REST / 2, "or nothing was tried"
+
+
+@pytest.mark.parametrize("kind", [1, 255])
+def test_a_drive_at_rest_goes_on_telling_what_else_it_tells(kind: int) -> None:
+    """A second TPDO, with each SYNC or on change, of what a probe has latched meanwhile."""
+    told: list[list[bytes]] = []
+    for repeats in (True, False):
+        bench, frames = Bench(), list[bytes]()
+        drive = bench.drive
+        entries = {
+            key(0x1A01, 0): 1,
+            key(0x1A01, 1): 0x60B9_0010,
+            key(0x1801, 1): 0x281,
+            key(0x1801, 2): kind,
+        }
+        drive.dictionary.values.update(entries)
+        drive.configure()
+        if not repeats:
+            drive._may_repeat = lambda: False  # type: ignore[method-assign]
+        bench.enable()
+        bench.write(0x60B8, 0, (0x31).to_bytes(2, "little"))
+        bench.rig.buses["can"].log(lambda one, kept=frames: kept.append(one[1]))  # type: ignore[misc]
+        for n in range(AT_REST):
+            if n == AT_REST // 2:
+                assert (drive._rests is not None) is repeats
+                drive.axis.sensors.probes.set_input(0, True)
+            bench.tick(0x0F, [bench.actual["X"]])
+        told.append([frame for frame in frames if frame[:2] == b"\x81\x02"])
+    assert told[0] == told[1] and told[0][-1][8] == 3, "on, and the rising edge stored"
 
 
 def test_a_drive_whose_demand_goes_on_by_itself_is_never_taken_for_one_at_rest() -> None:
