@@ -36,7 +36,7 @@ BESIDE = {  # routes of other rooms that are about the same
     "POST cycle/withdraw",
 }
 BY_HAND = {"spindle", "coolant", "clamps"}
-OF_ROOMS = ("offsets", "tools", "changer", "maintenance", "probe", "calibrate")
+OF_ROOMS = ("offsets", "tools", "equipment", "calibrate")
 ALL_HAVE = {"url", "take_over", "as_json", "language"}
 OTHER_PARTS = {"homing", "bring_up", "file", "backup", "drives", "users", "notices"}  # of the page's set-up
 

@@ -84,7 +84,8 @@ def assert_whole(store: Store) -> None:
     assert os.listdir(store.folder.parent) == [store.folder.name]
     assert set(os.listdir(store.folder)) <= {store.own.name, *(FILE + end for end in ("", *BESIDE))}
     top = {p.name for p in store.own.iterdir()}
-    assert top <= {"programs", "log_in", "store.sqlite", "store.sqlite-wal", "store.sqlite-shm"}
+    database = {"store.sqlite" + end for end in ("", *BESIDE)}
+    assert top <= {"programs", "log_in", *database}
     listed = store.programs.list()
     files = {p.name for p in store.programs.folder.iterdir()} - {".incoming"}
     assert files == {f"{program.sha256}.ngc" for program in listed}
