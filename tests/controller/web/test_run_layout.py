@@ -278,4 +278,4 @@ def test_a_tool_says_what_is_left_of_its_life(page: Any, site: Site) -> None:
     page.wait_for_selector("#run-life >> text=100 %")
     tool = page.inner_text(".run-tool")
     assert "1" in tool and "H1 D1" in tool and "end mill" in tool
-    assert page.eval_on_selector(".run-tool img", "(e) => e.complete && e.naturalWidth > 0")
+    page.wait_for_function("() => document.querySelector('.run-tool img')?.naturalWidth > 0")
