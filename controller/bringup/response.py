@@ -7,12 +7,13 @@ whole of it is one period of its transform, and no window is needed. Within a ba
 delay of the answer: that is taken out before the sum, and put back behind it.
 
 What of Y is not H U is noise, where H goes straight through its value in the middle of a band. Of K bins its
-power is what is left of S_yy by K - 2, or what rounding to counts leaves in differences of N positions, where
-that is more: N count^2 / 12 |1 - exp(-jwT)|^2. The root of that power by S_uu is the deviation of H, of which
-five are counted. But what is rounded moves with the setpoints and may be in step with them, and a resonance
-bends H within a band: by as much as what is left differs from what rounding leaves, all K bins may add up (no
-cross spectrum is more than sqrt(S_uu S_nn)). A band in which both together are more than 5 % of H is left
-out: the diagram of a coarse encoder ends where its counts begin to be what is seen.
+power is what is left of S_yy by K - 2, or what rounding to counts leaves in the N differences of positions
+while the axis moves, where that is more: N count^2 / 12 |1 - exp(-jwT)|^2. The root of that power by S_uu is
+the deviation of H, of which five are counted. But what is rounded moves with the setpoints and may be in step
+with them, and a resonance bends H within a band: by as much as what is left differs from what rounding
+leaves, more than by chance (two deviations of a power of so many bins), all K bins may add up (no cross
+spectrum is more than sqrt(S_uu S_nn)). A band in which both together are more than 5 % of H is left out: the
+diagram of a coarse encoder ends where its counts begin to be what is seen.
 
 What is late by the bus alone is no matter of the drive: ``latency`` ticks are counted (``live_state``).
 """
@@ -34,6 +35,7 @@ from controller.geometry.arrays import Array
 BANDS_PER_OCTAVE = 8
 MIN_BINS = 4  # of the transform in a band
 DEVIATIONS = 5.0  # that an answer may be off
+CHANCE_DEVIATIONS = 2.0  # deviations by which two powers may differ
 MAX_UNCERTAINTY = 0.05  # of an answer's size
 STEADY_SHARE = 0.02  # of the speed by which that of a ramp may differ from tick to tick
 HALF_POWER = math.sqrt(0.5)  # -3 dB
@@ -110,7 +112,7 @@ class Figures:
 def bode(ticks: AxisTicks, highest_hz: float, count: float) -> Bode:
     """Frequency response of an axis over all of its ticks; a drive's ``count`` in mm or degrees."""
     u, y = (np.diff(one, prepend=one[:1]) for one in (ticks.setpoint, ticks.actual))
-    n = 1 << math.ceil(math.log2(len(u)))
+    n, moves = 1 << math.ceil(math.log2(len(u))), np.count_nonzero((u != 0.0) | (y != 0.0))
     frequency = np.asarray(np.fft.rfftfreq(n, ticks.period_s), dtype=np.float64)
     U, Y = np.fft.rfft(u, n), np.fft.rfft(y, n)
     lag_s = _lag(ticks)
@@ -128,10 +130,12 @@ def bode(ticks: AxisTicks, highest_hz: float, count: float) -> Bode:
         if not 0.5 * LOWEST_HZ <= middle <= highest_hz:
             continue
         step = abs(1.0 - cmath.exp(-2j * math.pi * middle * ticks.period_s))
-        rounding = len(u) / 12.0 * (count * step) ** 2
+        rounding = moves / 12.0 * (count * step) ** 2
         left = max(0.0, (syy - abs(suy) ** 2 / suu - bent) / (high - low - 2))
-        in_step = (high - low) * abs(left - rounding)
-        off = math.sqrt(DEVIATIONS**2 * max(rounding, left) + in_step)
+        noise, bins = max(rounding, left), high - low
+        chance = CHANCE_DEVIATIONS * noise / math.sqrt(bins * len(u) / n)
+        in_step = bins * max(0.0, abs(left - rounding) - chance)
+        off = math.sqrt(DEVIATIONS**2 * noise + in_step)
         uncertainty = off * math.sqrt(suu) / abs(suy)
         if uncertainty <= MAX_UNCERTAINTY:
             rows.append((middle, abs(suy) / suu, cmath.phase(suy), uncertainty, middle * lag_s))
