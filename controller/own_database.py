@@ -30,6 +30,8 @@ class Connection(sqlite3.Connection):
     ``noted``: a file, beside which a ``NOTE`` goes with the last connection: see ``ahead``.
     """
 
+    _noted: Path | None = None
+
     def __init__(self, *given: Any, noted: Path | None = None, **more: Any) -> None:
         super().__init__(*given, **more)
         self._noted = noted
@@ -41,7 +43,9 @@ class Connection(sqlite3.Connection):
             with contextlib.suppress(OSError):
                 own_files.remove(_beside(noted, NOTE))
 
-    __del__ = close
+    def __del__(self) -> None:
+        with contextlib.suppress(sqlite3.Error):  # one that could not be opened is none
+            self.close()
 
     def execute(self, *given: Any) -> sqlite3.Cursor:
         try:

@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import gc
 import os
 import random
 import shutil
 import sqlite3
+import sys
 import time
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -341,6 +343,20 @@ def test_what_was_written_ahead_and_is_gone_with_all_beside_it_is_noticed(
             assert own_database.has_lost(sql, file, known) is is_lost
             assert own_database.ahead(file) is None and Path(f"{file}-open").exists()
         assert sorted(tmp_path.iterdir()) == [file]
+
+
+def test_a_database_that_cannot_be_opened_is_refused_and_that_is_all(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Python prints what goes wrong as an object is cleared away: nobody asked for that one."""
+    printed = list[object]()
+    monkeypatch.setattr(sys, "unraisablehook", printed.append)
+    (tmp_path / "store.sqlite").mkdir()
+    for opened in (own_database.opened, lambda file: sqlite3.connect(file, factory=own_database.Connection)):
+        with pytest.raises((OSError, sqlite3.Error)):
+            opened(tmp_path / "store.sqlite")
+    gc.collect()
+    assert not printed
 
 
 def test_who_only_reads_leaves_what_was_written_ahead_to_the_service(used: Path, tmp_path: Path) -> None:
