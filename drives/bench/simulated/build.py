@@ -41,9 +41,7 @@ def drive(settings: NodeSettings, parameters: Parameters) -> SimulatedDrive:
     made.dictionary.believe(settings.overrides)
     families.restrict(made, settings.profile)
     if velocity := settings.velocity_unit_counts_s:
-        units = made.axis.units
-        units.told_counts_s = velocity
-        units.told_counts_s2 = settings.acceleration_unit_counts_s2 or velocity
+        made.axis.units.set_own(velocity, settings.acceleration_unit_counts_s2)
         made.configure()
     _pace_homing(made, settings)
     usual = Parameters()

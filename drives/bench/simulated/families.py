@@ -44,8 +44,7 @@ def restrict(drive: SimulatedDrive, profile: Profile, bare: bool = False) -> Sim
     _restrict_homing(drive.axis, profile)
     units = drive.axis.units
     units.of_shaft = profile.revolution == "shaft"
-    units.told_counts_s = profile.velocity_unit_counts_s
-    units.told_counts_s2 = profile.acceleration_unit_counts_s2 or profile.velocity_unit_counts_s
+    units.set_own(profile.velocity_unit_counts_s, profile.acceleration_unit_counts_s2)
     _refuse_above(dictionary, key(0x6065), profile.most_following_error)
     for n in range(TPDOS):
         _check_first(dictionary, key(0x1800 + n, 2), _counts_to(profile.most_feedback_every))

@@ -50,31 +50,36 @@ class Units:
         self._dictionary = dictionary
         self._per_metre, self._per_radian = per_metre, per_radian
         self.of_shaft = False  # 60A9h and 60AAh speak of revolutions behind the gear
-        # One unit of velocity, and of acceleration, in position units, where no object says it
-        self.told_counts_s = self.told_counts_s2 = 0.0
+        self._own_s = self._own_s2 = 0.0
         self.position = self.velocity = self.acceleration = 1.0
         self.scale = 1.0  # increments per position unit
         self.plain = True
+
+    def set_own(self, counts_s: float, counts_s2: float = 0.0) -> None:
+        """One unit of velocity, and of acceleration, in position units where no object says it; 0: by the
+        factors, and of acceleration that of velocity per second.
+        """
+        self._own_s, self._own_s2 = counts_s, counts_s2 or counts_s
 
     def configure(self) -> None:
         """Take over what may have been written."""
         get = self._dictionary.get
         polarity, si = get(POLARITY), get(VELOCITY_SI)
         size = self._position_size()
-        velocity = 1.0 / self._size(si) if si else self._per_unit(self.told_counts_s, VELOCITY_FACTOR) / size
+        velocity = 1.0 / self._size(si) if si else self._per_unit(self._own_s, VELOCITY_FACTOR) / size
         told = get(ACCELERATION_SI)
         if told:
             self.acceleration = 1.0 / self._size(told)
         else:
-            other = self._per_unit(self.told_counts_s2, ACCELERATION_FACTOR) / size
+            other = self._per_unit(self._own_s2, ACCELERATION_FACTOR) / size
             self.acceleration = velocity if si else other
         self.position = (-1.0 if polarity & POSITION_BIT else 1.0) / size
         self.velocity = (-1.0 if polarity & VELOCITY_BIT else 1.0) * velocity
         self.scale = abs(1.0 / self.position)
         self.plain = self.position == self.velocity == self.acceleration == 1.0
 
-    def _per_unit(self, told: float, factor: int) -> float:
-        return 1.0 / told if told else self._ratio(factor)
+    def _per_unit(self, own: float, factor: int) -> float:
+        return 1.0 / own if own else self._ratio(factor)
 
     def _ratio(self, index: int) -> float:
         above, below = self._dictionary.get(index, 1), self._dictionary.get(index, 2)
@@ -92,9 +97,9 @@ class Units:
         """By the unit of velocity that was made known, which is one of revolutions."""
         word = self._dictionary.get(VELOCITY_SI)
         numerator, time = word >> 16 & 0xFF, SECONDS.get(word >> 8 & 0xFF, 1.0)
-        if self.told_counts_s == 0.0 or numerator not in (REVOLUTION, REV_MIN):
+        if self._own_s == 0.0 or numerator not in (REVOLUTION, REV_MIN):
             return 1.0
-        return self.told_counts_s * time * (SECONDS[0x47] if numerator == REV_MIN else 1.0) / _prefix(word)
+        return self._own_s * time * (SECONDS[0x47] if numerator == REV_MIN else 1.0) / _prefix(word)
 
     def _turn(self) -> float:
         """Increments in a revolution as SI units mean it."""

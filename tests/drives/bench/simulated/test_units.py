@@ -182,6 +182,6 @@ def test_nothing_set_changes_no_bit() -> None:
 def test_a_revolution_that_no_object_sizes_is_the_one_that_was_made_known(word: int, per_unit: float) -> None:
     """A sheet that speaks of revolutions alone, and a machine file that says what one unit of it is."""
     drive = lone((0x60A9, 0, word)).drive
-    drive.axis.units.told_counts_s = per_unit
+    drive.axis.units.set_own(per_unit)
     drive.axis.units.configure()
     assert 1.0 / drive.axis.units.velocity == pytest.approx(per_unit)
