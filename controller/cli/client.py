@@ -11,7 +11,8 @@ from __future__ import annotations
 import contextlib
 import secrets
 import time
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager
 from typing import Annotated, Any
 
 import typer
@@ -60,6 +61,27 @@ def tell_done(sentence: str, facts: Any, as_json: bool) -> None:
         show.print(sentence)
 
 
+def set_going(
+    machine: Machine,
+    control: AbstractContextManager[Any],
+    ask: Callable[[], Any],
+    sentence: Callable[[Any], str],
+    wait: bool,
+    as_json: bool,
+) -> None:
+    """Ask for a run under ``control``, and print that it goes; where it is waited for, what came of it.
+
+    ``sentence``: of the answer. Raises Refused, RunEnded.
+    """
+    with control:
+        answer = ask()
+        run = waiting.run_of(machine, answer) if wait else ""
+    if wait:
+        waiting.to_its_end(machine, run, as_json)
+    else:
+        tell_done(sentence(answer), answer, as_json)
+
+
 def named(typed: Sequence[str] | None, words: Collection[str] = ()) -> dict[str, str | float]:
     """Values by name of what is typed as ``name=value``: numbers where they are, but never of ``words``.
 
@@ -102,7 +124,9 @@ def start(
             raise Refused(say("need_name"))
         if as_json and not yes and (restart or line is not None):
             raise Refused(say("need_yes"))
-        with machine.control(take_over):
+
+        def ask() -> Any:
+            nonlocal program, line
             if restart:
                 offer = _interrupted(machine, program)
                 program, line, place["restart"] = offer["program"], offer["line"], True
@@ -113,12 +137,12 @@ def start(
                 if line is not None and not yes:
                     _agreed(loaded, line)
             confirmed = {"unrecorded": unrecorded, "worn": worn}
-            done = carried_out(machine, "cycle/start", confirmed if any(confirmed.values()) else None)
-            run = waiting.run_of(machine, done) if wait else ""
-        if wait:
-            waiting.to_its_end(machine, run, as_json)
-            return
-        tell_done(say("started_program", program=program) if program else say("started"), done, as_json)
+            return carried_out(machine, "cycle/start", confirmed if any(confirmed.values()) else None)
+
+        def sentence(_: Any) -> str:
+            return say("started_program", program=program) if program else say("started")
+
+        set_going(machine, machine.control(take_over), ask, sentence, wait, as_json)
 
 
 def load_program(machine: Machine, values: Mapping[str, Any]) -> Any:

@@ -5,13 +5,14 @@ from __future__ import annotations
 import contextlib
 import inspect
 from collections.abc import Callable
+from functools import partial
 from typing import Annotated, Any, Literal
 from urllib.parse import quote
 
 import typer
 
-from controller.cli import remote, waiting
-from controller.cli.client import Json, TakeOver, Url, Wait, carried_out, connected, tell_done
+from controller.cli import remote
+from controller.cli.client import Json, TakeOver, Url, Wait, carried_out, connected, set_going
 from controller.cli.speech import say
 from controller.commands.arguments import NEEDED, Argument, Number, Several, Switch, Whole
 from controller.commands.command import Access, Client, Command, Rest
@@ -47,13 +48,9 @@ def verb(command: Command, client: Client, rest: Rest) -> Callable[..., None]:
     ) -> None:
         values = {one.name: _value(one, typed[name]) for name, one in taken.items()}
         with connected(url, as_json) as machine:
-            with contextlib.nullcontext() if take_over is None else machine.control(take_over):
-                answer = _ask(machine, command, rest, values)
-                run = waiting.run_of(machine, answer) if wait else ""
-            if wait:
-                waiting.to_its_end(machine, run, as_json)
-                return
-            tell_done(_sentence(command, client, values, answer), answer, as_json)
+            control = contextlib.nullcontext() if take_over is None else machine.control(take_over)
+            ask = partial(_ask, machine, command, rest, values)
+            set_going(machine, control, ask, partial(_sentence, command, client, values), wait, as_json)
 
     made.__name__ = client.name
     made.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]

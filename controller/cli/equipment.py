@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 from rich.table import Table
 
-from controller.cli import remote, waiting
-from controller.cli.client import Url, carried_out, connected, named, tell_done
+from controller.cli import remote
+from controller.cli.client import Url, carried_out, connected, named, set_going, tell_done
 from controller.cli.speech import Verbs, say
 from controller.verify.console import Refused, answered, show, word
 
@@ -44,13 +45,8 @@ def probe(
             _list(machine.get("probing"), as_json)
         else:
             body = {"cycle": cycle, "values": named(values), "offset": offset}
-            with machine.control(take_over):
-                done = carried_out(machine, "probing", body)
-                run = waiting.run_of(machine, done) if wait else ""
-            if wait:
-                waiting.to_its_end(machine, run, as_json)
-            else:
-                tell_done(say("started"), done, as_json)
+            ask = partial(carried_out, machine, "probing", body)
+            set_going(machine, machine.control(take_over), ask, lambda _: say("started"), wait, as_json)
 
 
 def _show_found(told: dict[str, Any], as_json: bool) -> None:
