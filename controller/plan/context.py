@@ -25,8 +25,8 @@ class Context:
 
     @staticmethod
     def silent(machine: Machine, program: str = "", kinematics: Kinematics | None = None) -> Context:
-        """Of nothing that is noted anybody hears; refusals are raised."""
-        return Context(machine, kinematics or kinematics_of(machine), program, lambda place, said: None)
+        """A context whose notes nobody reads; refusals are raised."""
+        return Context(machine, kinematics or kinematics_of(machine), program, lambda place, note: None)
 
     def refuse(self, place: Place, why: Message) -> NoReturn:
         """Raises ProgramError."""

@@ -102,17 +102,17 @@ def noted(table: str) -> Iterator[Code]:
             meaning, told = (text(message(key)) for key in keys[:2])
             instead = text(message(keys[2])) if only else ""
             yield Code(
-                *(
-                    name,
-                    _GROUPS.get(name, name),
-                    "".join(letters),
-                    source,
-                    meaning,
-                    told,
-                    Fate.NOTED,
-                    dialect,
-                ),
-                *(only, instead, keys[1]),
+                name,
+                _GROUPS.get(name, name),
+                "".join(letters),
+                source,
+                meaning,
+                told,
+                Fate.NOTED,
+                dialect,
+                only,
+                instead,
+                keys[1],
                 alone=name[0] == "G" and name not in BESIDE_MOTION,
             )
 

@@ -65,9 +65,9 @@ class Excess:
         self.largest = worst or self.largest
         return was < REPORTED_TICKS <= self.ticks
 
-    def ended(self) -> Excess:
+    def end(self) -> None:
+        """The tool is back."""
         self.over = True
-        return self
 
     def to_dict(self, machine: Machine) -> dict[str, Any]:
         return {"tick": self.tick, "ticks": self.ticks, **self.largest.to_dict(machine)}
@@ -154,7 +154,8 @@ class ContourWatch:
             now = self._open
             if not beyond[row]:
                 if now is not None and now.ticks >= REPORTED_TICKS:
-                    reported.append(now.ended())
+                    now.end()
+                    reported.append(now)
                 self._open = None
             elif now is None:
                 self._open = Excess(int(rows.ticks[row]), 1, self._error(rows, row))

@@ -168,8 +168,8 @@ def add_run(sql: sqlite3.Connection, facts: Facts) -> None:
 
 def end_of(store: ServiceStore, record: str) -> dict[str, Any] | None:
     """The facts that ``add_run`` was given of a record; None: it has no row. Raises OSError."""
-    for row in store.rows(f"SELECT {_COLUMNS} FROM runs WHERE record = ?", (record,)):
-        return {**json.loads(row[6]), **dict(zip(_OF_RUN, (record, *row[1:6]), strict=True))}
+    for _, *own, facts, _ in store.rows(f"SELECT {_COLUMNS} FROM runs WHERE record = ?", (record,)):
+        return {**json.loads(facts), **dict(zip(_OF_RUN, (record, *own), strict=True))}
     return None
 
 

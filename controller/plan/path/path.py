@@ -137,14 +137,13 @@ class LineQueue(Protocol):
 class Pending(NamedTuple):
     """What has not come to rest: it will, or it runs on into what follows. Replaced as a whole.
 
-    ``lines`` come after a ``row``, the row after a ``run``; each may be missing.
+    ``lines`` come after a ``row``, the row after a ``run``; each may be missing. Where the run ends in the
+    cuts of a train, ``legs`` are these: the next train may follow without a retract.
     """
 
     end: Joints  # where the path has come to, but for the row and the lines
     run: tuple[Segment, ...] = ()  # motions that run through, of exact lines or with the cuts of a train
-    legs: Sequence[
-        CutSegment
-    ] = ()  # the train in which the run ends: the next one may follow without a retract
+    legs: Sequence[CutSegment] = ()
     row: LineRow | None = None  # lines and arcs under G64 P, or lines that run on
     lines: LineQueue | None = None  # of which it is not known yet how they are laid
 
@@ -401,11 +400,11 @@ class PathBuilder:
 
     def _doubted(self, blocks: Iterable[CutBlock]) -> Iterator[CutBlock]:
         """All of them; what may be meant otherwise is noted."""
-        told: set[str] = set()  # of a train once
+        noted = set[str]()  # of a train once
         for block in blocks:
             doubt = block.doubt if isinstance(block, CutCone | CutRuled) else None
-            if doubt and doubt["key"] not in told:
-                told.add(doubt["key"])
+            if doubt and doubt["key"] not in noted:
+                noted.add(doubt["key"])
                 self._note(block.place, doubt)
             yield block
 
